@@ -10,3 +10,6 @@ FloatArray = npt.NDArray[np.float64]
 
 BoolArray = npt.NDArray[np.bool_]
 """Array of booleans, such as a mask of rows."""
+
+Index = npt.NDArray[np.intp]
+"""Array of positions, such as numbers of rows."""

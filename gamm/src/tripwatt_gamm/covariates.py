@@ -8,15 +8,12 @@ from functools import cached_property
 from typing import Any, TypeAlias
 
 import numpy as np
-import numpy.typing as npt
 import pandas as pd
 from scipy.spatial import cKDTree
 
-from tripwatt_gamm.arrays import BoolArray, FloatArray
+from tripwatt_gamm.arrays import BoolArray, FloatArray, Index
 from tripwatt_gamm.errors import Fault, InvalidInput, raise_faults
 from tripwatt_gamm.formula import nearest
-
-Index: TypeAlias = npt.NDArray[np.intp]
 
 MAX_VALUES = 1000
 """Largest number of distinct values of a discretised covariate: that of mgcv's `bam(discrete=TRUE)`."""

@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.spatial import cKDTree
 
-from tripwatt_gamm.arrays import FloatArray
+from tripwatt_gamm.arrays import FloatArray, Index
 from tripwatt_gamm.errors import Fault, InvalidInput, raise_faults
 from tripwatt_gamm.terms import Smooth, Tensor
 
@@ -119,9 +119,7 @@ def concurvity(model: Estimator) -> pd.DataFrame:
     ).rename_axis("term")
 
 
-def column_concurvity(
-    factor: FloatArray, coef: FloatArray, inside: NDArray[np.intp]
-) -> tuple[float, float, float]:
+def column_concurvity(factor: FloatArray, coef: FloatArray, inside: Index) -> tuple[float, float, float]:
     """Return worst, observed and estimated concurvity of some columns of a model matrix X with the others.
 
     Parameters
@@ -177,9 +175,9 @@ class Autocorrelation:
     ([-1.0], [1.414], '')
     """
 
-    lag: NDArray[np.intp]
+    lag: Index
     correlation: FloatArray
-    pairs: NDArray[np.intp]
+    pairs: Index
 
     @property
     def bound(self) -> FloatArray:

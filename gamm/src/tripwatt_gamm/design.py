@@ -13,13 +13,12 @@ from typing import Literal
 import numpy as np
 import pandas as pd
 
-from tripwatt_gamm.arrays import FloatArray
+from tripwatt_gamm.arrays import FloatArray, Index
 from tripwatt_gamm.covariates import (
     EXACT_ROWS,
     MAX_JOINT,
     MAX_VALUES,
     Coverage,
-    Index,
     Levels,
     Points,
     Training,

@@ -11,8 +11,8 @@ import numpy.typing as npt
 import pandas as pd
 from scipy.stats import norm
 
-from tripwatt_gamm.arrays import BoolArray, FloatArray
-from tripwatt_gamm.covariates import Index, missing_columns, numbers, response, row_values
+from tripwatt_gamm.arrays import BoolArray, FloatArray, Index
+from tripwatt_gamm.covariates import missing_columns, numbers, response, row_values
 from tripwatt_gamm.design import Design, build_design
 from tripwatt_gamm.errors import Fault, InvalidInput, NotFittedError, raise_faults
 from tripwatt_gamm.families import FAMILIES, Family, Link, Response, ScaledT

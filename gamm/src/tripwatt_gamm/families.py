@@ -16,8 +16,7 @@ from typing import ClassVar, NamedTuple
 import numpy as np
 from scipy.special import betaln, digamma, expit, gammaln, logit, polygamma, xlogy
 
-from tripwatt_gamm.arrays import BoolArray, FloatArray
-from tripwatt_gamm.covariates import Index
+from tripwatt_gamm.arrays import BoolArray, FloatArray, Index
 
 LOG_EXCESS_DF = (math.log(1e-9), math.log(1e7))
 """Bounds of log(nu - min_df): near the lower one nu counts as at its bound, at the upper one errors are gaussian to

@@ -6,9 +6,8 @@ from io import BytesIO
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
-from tripwatt_gamm.arrays import FloatArray
+from tripwatt_gamm.arrays import FloatArray, Index
 
 try:
     from matplotlib.axes import Axes
@@ -48,7 +47,7 @@ def figure_of(ax: Axes) -> Figure:
     return figure if isinstance(figure, Figure) else figure.figure
 
 
-def shown_rows(values: FloatArray) -> NDArray[np.intp]:
+def shown_rows(values: FloatArray) -> Index:
     """Return the sorted positions of the values to draw: `MAX_POINTS` evenly spaced ones, the 50 smallest and 50 largest."""
     even = np.linspace(0, len(values) - 1, min(len(values), MAX_POINTS)).round().astype(np.intp)
     order = np.argsort(values)

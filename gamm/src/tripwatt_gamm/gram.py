@@ -11,8 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg import lapack
 
-from tripwatt_gamm.arrays import BoolArray, FloatArray
-from tripwatt_gamm.covariates import Index
+from tripwatt_gamm.arrays import BoolArray, FloatArray, Index
 
 
 def by_level(blocks: FloatArray, M: FloatArray) -> FloatArray:

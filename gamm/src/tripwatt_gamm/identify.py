@@ -7,8 +7,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.linalg import block_diag
 
-from tripwatt_gamm.arrays import FloatArray
-from tripwatt_gamm.covariates import Index
+from tripwatt_gamm.arrays import FloatArray, Index
 from tripwatt_gamm.design import Design
 from tripwatt_gamm.fitted_terms import FittedTerm
 from tripwatt_gamm.tables import TableRows

@@ -13,17 +13,15 @@ from typing import TYPE_CHECKING, Final, TypeAlias
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 from scipy import stats
 
-from tripwatt_gamm.arrays import FloatArray
+from tripwatt_gamm.arrays import FloatArray, Index
 from tripwatt_gamm.chisq import weighted_chi2_sf
 
 if TYPE_CHECKING:
     from tripwatt_gamm.estimator import Estimator
 
 Matrices: TypeAlias = tuple[FloatArray, FloatArray]
-Index: TypeAlias = NDArray[np.intp]
 
 WHOLE_DF: Final = 1e-6
 """Distance from a whole number up to which a reference df counts as whole: a choice, because EDFs are no more accurate."""

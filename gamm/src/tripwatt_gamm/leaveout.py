@@ -10,8 +10,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pandas as pd
 
-from tripwatt_gamm.arrays import BoolArray, FloatArray
-from tripwatt_gamm.covariates import EXACT_ROWS, Index
+from tripwatt_gamm.arrays import BoolArray, FloatArray, Index
+from tripwatt_gamm.covariates import EXACT_ROWS
 from tripwatt_gamm.design import Design
 from tripwatt_gamm.errors import InvalidInput
 from tripwatt_gamm.families import Response

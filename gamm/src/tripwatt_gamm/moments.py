@@ -6,8 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tripwatt_gamm.arrays import BoolArray, FloatArray
-from tripwatt_gamm.covariates import Index
+from tripwatt_gamm.arrays import BoolArray, FloatArray, Index
 from tripwatt_gamm.gram import Gram
 from tripwatt_gamm.penalties import PenaltyStack
 from tripwatt_gamm.tables import TableRows

@@ -8,8 +8,7 @@ from typing import Any
 import numpy as np
 from scipy.optimize import minimize_scalar
 
-from tripwatt_gamm.arrays import FloatArray
-from tripwatt_gamm.covariates import Index
+from tripwatt_gamm.arrays import FloatArray, Index
 from tripwatt_gamm.design import Design
 from tripwatt_gamm.families import AT_BOUND, Family, Gamma, Gaussian, Response, ScaledT
 from tripwatt_gamm.fit import Solution

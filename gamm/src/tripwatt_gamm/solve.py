@@ -9,8 +9,7 @@ from typing import Literal
 import numpy as np
 from scipy.optimize import minimize, minimize_scalar
 
-from tripwatt_gamm.arrays import FloatArray
-from tripwatt_gamm.covariates import Index
+from tripwatt_gamm.arrays import FloatArray, Index
 from tripwatt_gamm.errors import InvalidInput
 from tripwatt_gamm.families import ExponentialFamily, Family, Gaussian, Response, ScaledT
 from tripwatt_gamm.fit import Solution, fit_gaussian

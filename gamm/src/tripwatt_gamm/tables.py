@@ -13,8 +13,7 @@ import numpy as np
 import pandas as pd
 from scipy.sparse import csr_array
 
-from tripwatt_gamm.arrays import FloatArray
-from tripwatt_gamm.covariates import Index
+from tripwatt_gamm.arrays import FloatArray, Index
 from tripwatt_gamm.gram import Factor, Gram
 
 CHUNK = 4096
