@@ -34,11 +34,6 @@ def is_factor(column: pd.Series[Any]) -> bool:
     return not pd.api.types.is_numeric_dtype(column.dtype)
 
 
-def is_ordered(column: pd.Series[Any]) -> bool:
-    """Whether a factor's levels have an order: a categorical column that was declared `ordered`."""
-    return isinstance(column.dtype, pd.CategoricalDtype) and bool(column.dtype.ordered)
-
-
 def crossed(frame: pd.DataFrame, names: tuple[str, ...]) -> pd.Series[Any]:
     """Column of one factor, or the combined levels of several factors, joined by colons."""
     crossed_levels, *rest = (frame[name] for name in names)

@@ -6,9 +6,9 @@ a row of X joins one row of each table.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass, field
-from typing import Literal
+from functools import cached_property
+from typing import TypeAlias
 
 import numpy as np
 import pandas as pd
@@ -25,7 +25,6 @@ from tripwatt_gamm.covariates import (
     crossed,
     grid_limit,
     is_factor,
-    is_ordered,
     missing_columns,
     missing_levels,
     numbers,
@@ -121,22 +120,17 @@ def _check_columns(formula: Formula, frame: pd.DataFrame) -> None:
     Faults are columns that are unknown, not numeric, not finite or have missing levels, terms given twice, and a frame
     without rows.
     """
-    wanted = [name for term in formula.terms for name in term.columns]
-    faults = missing_columns(frame, dict.fromkeys(wanted))
-    seen: set[str] = set()
-    for term in formula.terms:
-        for name in term.columns:
-            if name not in frame.columns or name in seen:
-                continue
-            seen.add(name)
-            if isinstance(term, RandomEffect):
-                factor = name == term.name or (is_factor(frame[name]) and not term.correlated)
-            else:
-                plain = isinstance(term, Parametric)
-                factor = is_factor(frame[name]) and (plain or name == getattr(term, "by", None))
-            faults += (
-                missing_levels(frame, name, term.label) if factor else numbers(frame, name, term.label)[1]
-            )
+    faults = missing_columns(frame, formula.columns)
+    for name in formula.columns:
+        if name not in frame.columns:
+            continue
+        term = next(term for term in formula.terms if name in term.columns)
+        if isinstance(term, RandomEffect):
+            factor = name == term.name or (is_factor(frame[name]) and not term.correlated)
+        else:
+            plain = isinstance(term, Parametric)
+            factor = is_factor(frame[name]) and (plain or name == getattr(term, "by", None))
+        faults += missing_levels(frame, name, term.label) if factor else numbers(frame, name, term.label)[1]
     labels = [term.label for term in formula.terms]
     for label in sorted({label for label in labels if labels.count(label) > 1}):
         faults.append(Fault("term given twice", label, f"{labels.count(label)} times", "once"))
@@ -170,30 +164,29 @@ class _Piece:
         return self.scale is None and all(kinds)
 
 
+_LevelParts: TypeAlias = list[tuple[int, FittedTerm, slice]]
+
+
+@dataclass
 class _Builder:
     """Collects fitted terms and parts of the matrix while the terms of a formula are built."""
 
-    def __init__(
-        self,
-        formula: Formula,
-        frame: pd.DataFrame,
-        limit: int | None,
-        extrapolation: Extrapolation,
-        select: bool,
-        eliminate: bool,
-    ) -> None:
-        self.formula, self.frame, self.limit = formula, frame, limit
-        self.extrapolation, self.select, self.eliminate = extrapolation, select, eliminate
-        self.terms: list[FittedTerm] = []
-        self.pieces: list[_Piece] = []
-        self.notes: list[str] = []
-        self.coverage = Coverage()
-        self.grids = self._grids()
+    formula: Formula
+    frame: pd.DataFrame
+    limit: int | None
+    extrapolation: Extrapolation
+    select: bool
+    eliminate: bool
+    terms: list[FittedTerm] = field(default_factory=list)
+    pieces: list[_Piece] = field(default_factory=list)
+    notes: list[str] = field(default_factory=list)
+    coverage: Coverage = field(default_factory=Coverage)
 
     def _covariates(self, names: tuple[str, ...]) -> FloatArray:
-        return np.stack([self.frame[name].to_numpy(dtype=np.float64) for name in names], axis=1)
+        return self.frame[list(names)].to_numpy(dtype=np.float64)
 
-    def _grids(self) -> dict[str, int]:
+    @cached_property
+    def grids(self) -> dict[str, int]:
         """Largest number of values for each covariate: the same in curves and surfaces, so that nested terms stay nested."""
         grids: dict[str, int] = {}
         if self.limit is None:
@@ -319,7 +312,7 @@ class _Builder:
         assert term.by is not None
         levels, codes = self.factor((term.by,))
         # the lowest level of an ordered factor is the reference
-        first = 1 if is_ordered(self.frame[term.by]) else 0
+        first = int(getattr(self.frame[term.by].dtype, "ordered", None) or 0)
         if len(levels.names) <= first:
             allowed, fix = "at least two levels", "leave the term out"
             raise InvalidInput.of("factor with one level", term.label, levels.names[0], allowed, fix)
@@ -330,21 +323,15 @@ class _Builder:
         self.terms += by_level
         for i in kept:
             self.coverage.members[term.names, term.by, levels.names[i]] = codes == i
-        self._level_pieces(built, points, codes, kept, [(fitted, slice(None)) for fitted in by_level])
+        parts = [(i, fitted, slice(None)) for i, fitted in zip(kept, by_level, strict=True)]
+        self._level_pieces(built, points.index, codes, parts)
 
-    def _level_pieces(
-        self,
-        built: Built,
-        points: Points,
-        codes: Index,
-        kept: Iterable[int],
-        parts: list[tuple[FittedTerm, slice]],
-    ) -> None:
+    def _level_pieces(self, built: Built, index: Index, codes: Index, parts: _LevelParts) -> None:
         """Add the columns of each level in `kept`: its term and its part of the columns of this term."""
         padded, outside = np.pad(built.table, ((0, 1), (0, 0))), len(built.table)
-        for i, (fitted, part) in zip(kept, parts, strict=True):
-            index = np.where(codes == i, points.index, outside)
-            self.pieces.append(_Piece([fitted], padded, index, part=part))
+        for i, fitted, part in parts:
+            own = np.where(codes == i, index, outside)
+            self.pieces.append(_Piece([fitted], padded, own, part=part))
 
     def factor_smooth(self, term: Smooth) -> None:
         """Add a random curve for each level of a factor."""
@@ -360,25 +347,23 @@ class _Builder:
             term.label, term, "smooth", names, matrices, copies=count, smoother=built.smoother, by=by
         )
         self.terms.append(fitted)
-        parts = [(fitted, slice(i, None, count)) for i in range(count)]
-        self._level_pieces(built, points, codes, range(count), parts)
+        parts = [(i, fitted, slice(i, None, count)) for i in range(count)]
+        self._level_pieces(built, points.index, codes, parts)
 
     def _fitted_term(self, term: Smooth | Tensor, built: Built, level: str | None, label: str) -> FittedTerm:
         names = [f"{label}.{i + 1}" for i in range(built.table.shape[1])]
-        kind: Literal["smooth", "tensor"] = "smooth" if isinstance(term, Smooth) else "tensor"
         return FittedTerm(
-            label, term, kind, names, built.penalties, smoother=built.smoother, by=term.by, level=level
+            label, term, "smooth", names, built.penalties, smoother=built.smoother, by=term.by, level=level
         )
 
     def design(self) -> Design:
         """Order the terms, parametric ones first, number their coefficients, and build the model matrix."""
-        order = {"parametric": 0, "smooth": 1, "tensor": 1, "random": 1}
         if self.formula.intercept:
             fitted = FittedTerm("(Intercept)", None, "parametric", ["(Intercept)"], [])
             self.terms.insert(0, fitted)
             self.pieces.insert(0, _Piece([fitted], np.ones((1, 1)), np.zeros(len(self.frame), dtype=np.intp)))
         # large random effects come last, those of the same levels side by side
-        self.terms.sort(key=lambda fitted: (order[fitted.kind], *self._large(fitted)))
+        self.terms.sort(key=lambda fitted: (fitted.kind != "parametric", *self._large(fitted)))
         training = self.coverage.training(np.ones(len(self.frame), dtype=bool))
         start = 0
         for fitted in self.terms:

@@ -26,7 +26,7 @@ class FittedTerm:
     label : str
         Label as in tables, e.g. ``s(time):seasonwinter``.
     term : Term
-    kind : {"parametric", "smooth", "tensor", "random"}
+    kind : {"parametric", "smooth", "random"}
     names : list of str
         Names of the coefficients.
     matrices : list of ndarray (m, m)
@@ -53,7 +53,7 @@ class FittedTerm:
 
     label: str
     term: Term | None
-    kind: Literal["parametric", "smooth", "tensor", "random"]
+    kind: Literal["parametric", "smooth", "random"]
     names: list[str]
     matrices: list[FloatArray]
     start: int = 0
