@@ -11,7 +11,7 @@ from __future__ import annotations
 import ast
 import difflib
 import re
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field, replace
 from typing import Final, NoReturn, cast, get_args
 
@@ -192,7 +192,9 @@ class _Reader:
                 self.refuse(node, "a random effect takes columns only", got, 's(group, x, bs="re")')
             return RandomEffect(columns[0], columns[1:])
         k = self.dimensions(node, options["k"]) if "k" in options else ()
-        by = self.by(node, options)
+        by = self.column(options["by"]) if "by" in options else None
+        if by is None and "by" in options:
+            self.refuse(node, "by takes one column", f"by={self.original(options['by'])}", "by=column")
         knots = self.knots(node, options["knots"]) if "knots" in options else ()
         if kind == "s":
             return replace(self.smooth(node, columns, cast(Basis, basis), k, by), knots=knots)
@@ -242,13 +244,6 @@ class _Reader:
                 self.refuse(node, "unknown argument", name, ", ".join(_ARGUMENTS), nearest(name, _ARGUMENTS))
             given[argument.arg] = argument.value
         return given
-
-    def by(self, node: ast.Call, options: Mapping[str, ast.expr]) -> str | None:
-        """Return the column of the argument `by`, if there is one."""
-        name = self.column(options["by"]) if "by" in options else None
-        if name is None and "by" in options:
-            self.refuse(node, "by takes one column", f"by={self.original(options['by'])}", "by=column")
-        return name
 
 
 def nearest(name: str, allowed: Iterable[str]) -> str:
