@@ -105,18 +105,13 @@ def concurvity(model: Estimator) -> pd.DataFrame:
     >>> concurvity(model).round(3).loc["s(x)"].tolist()
     [0.0, 0.0, 0.0]
     """
-    spans: dict[str, list[slice]] = {}
+    owners = np.full(model.coef_.size, "parametric", dtype=object)
     for fitted in model.terms_:
-        label = "parametric" if fitted.kind == "parametric" else fitted.label
-        spans.setdefault(label, []).append(fitted.slice)
-    columns = np.arange(model.coef_.size)
-    rows = {}
-    for label, slices in spans.items():
-        inside = np.concatenate([columns[s] for s in slices])
-        rows[label] = column_concurvity(model.R_, model.coef_, inside)
-    return pd.DataFrame.from_dict(
-        rows, orient="index", columns=["worst", "observed", "estimate"]
-    ).rename_axis("term")
+        owners[fitted.slice] = "parametric" if fitted.kind == "parametric" else fitted.label
+    inside = {label: np.flatnonzero(owners == label) for label in dict.fromkeys(owners)}
+    rows = {label: column_concurvity(model.R_, model.coef_, at) for label, at in inside.items()}
+    columns = ["worst", "observed", "estimate"]
+    return pd.DataFrame.from_dict(rows, orient="index", columns=columns).rename_axis("term")
 
 
 def column_concurvity(factor: FloatArray, coef: FloatArray, inside: Index) -> tuple[float, float, float]:
