@@ -11,7 +11,6 @@ from tripwatt_gamm.arrays import FloatArray, Index
 from tripwatt_gamm.design import Design
 from tripwatt_gamm.fitted_terms import FittedTerm
 from tripwatt_gamm.tables import TableRows
-from tripwatt_gamm.terms import Smooth, Tensor
 
 NULL_TOLERANCE = 1e-12
 """Relative size of an eigenvalue of the scaled penalised crossproduct below which its direction is undetermined: a choice, some
@@ -43,16 +42,6 @@ def _null_space(design: Design, gram: FloatArray, active: Index) -> tuple[FloatA
     return basis, d
 
 
-def _removal_rank(fitted: FittedTerm) -> int:
-    """Rank of a term among those that share an undetermined direction; the direction is removed from the term of highest rank.
-
-    The rank is 2 for surfaces, 1 for curves and random effects, 0 for parametric terms.
-    """
-    if fitted.kind == "parametric":
-        return 0
-    return 2 if isinstance(fitted.term, Smooth | Tensor) and len(fitted.term.names) > 1 else 1
-
-
 def identify(design: Design, gram: FloatArray) -> Design:
     """Remove from a design the directions that neither data nor penalty determine.
 
@@ -77,7 +66,9 @@ def identify(design: Design, gram: FloatArray) -> Design:
         if not null.shape[1]:
             return design
         involved = [b for b in design.terms if np.linalg.norm(null[b.slice]) > MIN_PART]
-        reduced = max(involved, key=lambda b: (_removal_rank(b), b.start))
+        # parametric terms are the last to be reduced, smooths of several covariates the first
+        ranks = [(b.kind != "parametric", len(getattr(b.term, "names", ())) > 1, b.start) for b in involved]
+        reduced = involved[ranks.index(max(ranks))]
         other_labels = ", ".join(b.label for b in involved if b is not reduced) or "itself"
         if reduced.kind == "parametric":
             column = reduced.start + int(
