@@ -10,7 +10,7 @@ from scipy import stats
 
 from tripwatt_gamm.arrays import FloatArray
 from tripwatt_gamm.errors import InvalidInput
-from tripwatt_gamm.inference import total_penalty
+from tripwatt_gamm.inference import scaled_penalties, total_penalty
 
 if TYPE_CHECKING:
     from tripwatt_gamm.estimator import Estimator
@@ -52,13 +52,12 @@ def corrected_covariance(model: Estimator) -> FloatArray:
     V, known = inverse.T @ inverse, np.isfinite(np.diag(model.log_sp_covariance_))
     C = model.log_sp_covariance_[np.ix_(known, known)]
     bounded = np.linalg.solve(np.eye(len(C)) + PRIOR_PRECISION * C, C)
-    scaled = np.array(list(model.smoothing_parameters_.values())) / model.reml_scale_
-    penalties = [(fitted.slice, S) for fitted in model.terms_ for S in fitted.penalties]
+    penalties = [(where, S / model.reml_scale_) for where, S in scaled_penalties(model)]
     shifts, roots = np.zeros((p, len(C))), np.zeros((len(C), p, p))
     for j, i in enumerate(np.flatnonzero(known)):
         where, S = penalties[i]
-        shifts[:, j] = -scaled[i] * V[:, where] @ S @ model.coef_[where]
-        change = np.tril(scaled[i] * inverse[:, where] @ S @ inverse[:, where].T)
+        shifts[:, j] = -V[:, where] @ S @ model.coef_[where]
+        change = np.tril(inverse[:, where] @ S @ inverse[:, where].T)
         change[np.diag_indices(p)] /= 2
         roots[j] = -change @ inverse
     second = np.einsum("kl,kij,lim->jm", bounded, roots, roots, optimize=True)

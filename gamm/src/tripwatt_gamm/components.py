@@ -9,7 +9,7 @@ import pandas as pd
 from scipy import stats
 
 from tripwatt_gamm.arrays import FloatArray
-from tripwatt_gamm.inference import total_penalty
+from tripwatt_gamm.inference import scaled_penalties, total_penalty
 
 if TYPE_CHECKING:
     from tripwatt_gamm.estimator import Estimator
@@ -42,13 +42,8 @@ def _log_sd_errors(model: Estimator) -> FloatArray:
     slopes, spread = np.zeros(size), 0.0
     if model.family_.estimates_scale:
         free = sum(fitted.null_dim for fitted in model.terms_) - len(model.empty_columns_)
-        quadratic = [
-            float(model.coef_[fitted.slice] @ S @ model.coef_[fitted.slice])
-            for fitted in model.terms_
-            for S in fitted.penalties
-        ]
-        parameters = np.nan_to_num(list(model.smoothing_parameters_.values()))
-        slopes = parameters * np.array(quadratic) / ((model.n_ - free) * model.reml_scale_)
+        quadratic = [model.coef_[at] @ S @ model.coef_[at] for at, S in scaled_penalties(model)]
+        slopes = np.array(quadratic) / ((model.n_ - free) * model.reml_scale_)
         spread = 2 / (model.n_ - free)
     if np.isnan(covariance).all():
         return np.full(size + 1, np.nan)

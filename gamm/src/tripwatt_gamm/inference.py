@@ -234,14 +234,17 @@ def total_penalty(model: Estimator) -> FloatArray:
     >>> total_penalty(model).shape
     (8, 8)
     """
-    p = model.coef_.size
-    penalty = np.zeros((p, p))
-    parameters = iter(model.smoothing_parameters_.values())
-    for fitted in model.terms_:
-        for matrix in fitted.penalties:
-            # the smoothing parameter of a term without data is NaN; the term has no penalty
-            penalty[fitted.slice, fitted.slice] += np.nan_to_num(next(parameters)) * matrix
+    penalty = np.zeros((model.coef_.size, model.coef_.size))
+    for where, matrix in scaled_penalties(model):
+        penalty[where, where] += matrix
     return penalty
+
+
+def scaled_penalties(model: Estimator) -> list[tuple[slice, FloatArray]]:
+    """List the penalties of a fitted model: the coefficients of each, and its matrix times its smoothing parameter."""
+    # the smoothing parameter of a term without data is NaN; the term has no penalty
+    parameters = iter(np.nan_to_num(list(model.smoothing_parameters_.values())))
+    return [(fitted.slice, next(parameters) * S) for fitted in model.terms_ for S in fitted.penalties]
 
 
 def _estimated_scale_df(model: Estimator) -> float | None:
