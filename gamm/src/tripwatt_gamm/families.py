@@ -203,9 +203,9 @@ class ExponentialFamily(Family):
     def _kernel(self, y: FloatArray, eta: FloatArray) -> tuple[FloatArray, ...]:
         """Kernel and its first three derivatives in eta."""
 
-    @abstractmethod
     def _perfect(self, y: FloatArray) -> FloatArray:
         """Kernel of a perfect fit."""
+        return self._kernel(y, self.link.predictor(y))[0]
 
     @abstractmethod
     def _normaliser(self, y: FloatArray, precision: FloatArray) -> FloatArray:
@@ -247,9 +247,6 @@ class Gaussian(ExponentialFamily):
 
     def _kernel(self, y: FloatArray, eta: FloatArray) -> tuple[FloatArray, ...]:
         return -((y - eta) ** 2) / 2, y - eta, -np.ones_like(y), np.zeros_like(y)
-
-    def _perfect(self, y: FloatArray) -> FloatArray:
-        return np.zeros_like(y)
 
     def _normaliser(self, y: FloatArray, precision: FloatArray) -> FloatArray:
         return np.log(precision / (2 * math.pi)) / 2
