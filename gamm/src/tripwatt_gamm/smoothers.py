@@ -121,16 +121,15 @@ def _basis(
             raise InvalidInput.of("invalid knots", label, got, allowed)
     d = points.values.shape[1]
     order = 2 if d == 1 else (d + 1) // 2 + 1
+    # polynomials in d variables whose total degree is below the order are not penalised
+    smallest = {"ps": 4, "cr": 3, "cc": 4, "tp": math.comb(d + order - 1, d) + 1}
+    if kind not in smallest:
+        raise InvalidInput.of("unknown basis", label, repr(kind), "tp, ps, cr or cc")
+    k, notes = _usable(k, smallest[kind], points, label, what)
     if kind == "ps":
-        k, notes = _usable(k, 4, points, label, what)
         return PSpline(float(points.values[0, 0]), float(points.values[-1, 0]), k), notes
     if kind in ("cr", "cc"):
-        k, notes = _usable(k, 3 if kind == "cr" else 4, points, label, what)
         return cubic_regression(points.values[:, 0], k, kind == "cc", knots), notes
-    if kind != "tp":
-        raise InvalidInput.of("unknown basis", label, repr(kind), "tp, ps, cr or cc")
-    # polynomials in d variables whose total degree is below the order are not penalised
-    k, notes = _usable(k, math.comb(d + order - 1, d) + 1, points, label, what)
     centred = points.values - points.values.mean(axis=0)
     centred = centred / np.maximum(np.abs(centred).max(axis=0), 1e-300)
     if np.linalg.matrix_rank(centred, tol=1e-9 * len(centred)) < d:
@@ -259,9 +258,8 @@ def build_tensor(term: Tensor, points: Points, centred: bool) -> Built:
     table = product.matrix(points.values)
     penalties = []
     for j, part in enumerate(parts):
-        S: FloatArray = np.ones((1, 1))
-        for i, size in enumerate(sizes):
-            S = np.asarray(np.kron(S, part[1] if i == j else np.eye(size)), dtype=np.float64)
+        before, after = np.eye(math.prod(sizes[:j])), np.eye(math.prod(sizes[j + 1 :]))
+        S = np.asarray(np.kron(np.kron(before, part[1]), after), dtype=np.float64)
         penalties.append(_scale(S, table))
     notes = [note for part in parts for note in part[2]]
     if term.kind == "te" and centred:
