@@ -50,12 +50,10 @@ def weighted_chi2_sf(q: float, weights: ArrayLike, df: ArrayLike | None = None) 
     lam, h = lam[keep], h[keep]
     if np.isnan(q) or not np.isfinite(lam).all():
         return float("nan")
-    if lam.size == 0 or (q >= 0 and lam.max() < 0):
+    if lam.size == 0 or np.isinf(q) or (q >= 0 and lam.max() < 0):
         return float(q < 0)
     if q <= 0 and lam.min() > 0:
         return 1.0
-    if q == np.inf or q == -np.inf:
-        return float(q < 0)
     if q < 0:
         return 1.0 - weighted_chi2_sf(-q, -lam, h)
     scale = float(np.abs(lam).max())
