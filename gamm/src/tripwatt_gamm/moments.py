@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -50,10 +50,8 @@ class NormalEquations:
 
     def without(self, dead: BoolArray) -> NormalEquations:
         """Set some columns to zero."""
-        cross = np.where(dead, 0.0, self.cross)
-        return NormalEquations(self.gram.without(dead), cross, self.square, self.n)
+        return replace(self, gram=self.gram.without(dead), cross=np.where(dead, 0.0, self.cross))
 
     def rotated(self, stack: PenaltyStack) -> NormalEquations:
         """Rotate to the coordinates of `stack`."""
-        gram, cross = stack.rotate_gram(self.gram), stack.rotate(self.cross)
-        return NormalEquations(gram, cross, self.square, self.n, self.log_jacobian)
+        return replace(self, gram=stack.rotate_gram(self.gram), cross=stack.rotate(self.cross))

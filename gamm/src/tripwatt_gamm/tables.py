@@ -132,9 +132,7 @@ class TableRows:
 
     def scaled(self, factor: FloatArray) -> TableRows:
         """Return the rows, each times its factor (n,)."""
-        parts = [
-            replace(part, scale=factor if part.scale is None else factor * part.scale) for part in self.parts
-        ]
+        parts = [replace(part, scale=factor * part.multiplier) for part in self.parts]
         return TableRows(parts, self.n, self.p)
 
     def predictor(self, beta: FloatArray) -> FloatArray:
