@@ -79,6 +79,13 @@ class Evaluation:
     factor: Factor
     scale: float
 
+    def solution(self, data: NormalEquations, stack: PenaltyStack, rho: FloatArray, end: End) -> Solution:
+        """Return the fit at these log smoothing parameters, in the coordinates of the model."""
+        covariance = stack.covariance(self.factor) * self.scale
+        information = stack.rotate_gram(data.gram, back=True).dense() / self.scale
+        beta, theta = stack.rotate(self.beta, back=True), np.array([math.log(self.scale)])
+        return Solution(beta, rho, theta, self.value, covariance, information, end)
+
 
 def gaussian_score(
     data: NormalEquations, stack: PenaltyStack, rho: FloatArray, scale: float | None, derivatives: bool = True
@@ -259,9 +266,4 @@ def fit_gaussian(
     scored = gaussian_score(data, stack, x, scale, derivatives=False)
     if scored is None:
         return None
-    theta = np.array([math.log(scored.scale)])
-    covariance = stack.covariance(scored.factor) * scored.scale
-    information = stack.rotate_gram(data.gram, back=True).dense() / scored.scale
-    return Solution(
-        stack.rotate(scored.beta, back=True), x, theta, scored.value, covariance, information, end
-    )
+    return scored.solution(data, stack, x, end)

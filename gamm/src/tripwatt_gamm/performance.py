@@ -9,7 +9,7 @@ constant weight c, takes a Newton step of the working model's REML score, and so
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -61,8 +61,8 @@ class PerformanceIteration:
         X'X and X'y in rotated coordinates.
     stack : PenaltyStack
     family : ScaledT
-    fixed : bool
-        Whether the smoothing parameters are given and kept.
+    given : ndarray, optional
+        Log smoothing parameters to keep; by default they are estimated.
     """
 
     rows: TableRows
@@ -70,24 +70,20 @@ class PerformanceIteration:
     data: NormalEquations
     stack: PenaltyStack
     family: ScaledT
-    fixed: bool = False
+    given: FloatArray | None = None
 
-    def start(self, rho: FloatArray | None) -> FloatArray | None:
+    def start(self) -> FloatArray | None:
         """Start from a gaussian fit and its scale; returns None if that fit fails."""
         family = self.family
-        first = fit_gaussian(self.data, self.stack, rho if self.fixed else None, self.fixed, tolerance=1e-4)
+        fixed = self.given is not None
+        first = fit_gaussian(self.data, self.stack, self.given, fixed, tolerance=1e-4)
         if first is None:
             return None
         log_scale = float(first.theta[0])
         sigma = family.sigma if family.sigma is not None else max(0.8 * math.exp(log_scale / 2), 1e-150)
         theta = family.theta(family.nu if family.nu is not None else family.min_df + 2.0, sigma)
-        rho_of_t = first.rho if self.fixed else first.rho - log_scale
+        rho_of_t = first.rho if fixed else first.rho - log_scale
         return np.concatenate([self.stack.rotate(first.beta), rho_of_t, theta])
-
-    def parts(self, state: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return the coefficients, the log smoothing parameters, and the parameters of the family."""
-        p = self.stack.p
-        return state[:p], state[p:-2], state[-2:]
 
     def _theta(self, residual: FloatArray, theta: FloatArray) -> FloatArray:
         """Take three steps of Newton's method to the shape and scale of greatest likelihood."""
@@ -110,7 +106,7 @@ class PerformanceIteration:
         With `near`, a short step of the smoothing parameters is taken without evaluating the score. Returns None if the
         working model is not identifiable.
         """
-        (beta, rho, theta), n = self.parts(state), self.rows.n
+        (beta, rho, theta), n = np.split(state, [self.stack.p, -2]), self.rows.n
         eta = self.rows.predictor(self.stack.rotate(beta, back=True))
         theta = self._theta(self.y - eta, theta)
         c = self._weight(theta)
@@ -122,7 +118,7 @@ class PerformanceIteration:
         if current is None:
             return None
         beta, curvature = current.beta, np.zeros(len(rho))
-        if not self.fixed and len(rho):
+        if self.given is None and len(rho):
             beta, rho = self._smooth(normal, current, rho, limits, near)
             curvature = np.sqrt(np.maximum(np.diag(current.hessian), 1e-8))
         diagonal = 1 / np.sqrt(np.maximum(current.factor.diagonal, 1e-300))
@@ -149,13 +145,13 @@ class PerformanceIteration:
             step = step / 2
         return current.beta, rho
 
-    def run(self, start: FloatArray, tolerance: float = 1e-3, max_iter: int = 400) -> Solution | None:
+    def run(self, start: FloatArray | None, tolerance: float = 1e-3, max_iter: int = 400) -> Solution | None:
         """Iterate to convergence.
 
         Parameters
         ----------
-        start : ndarray
-            State.
+        start : ndarray, optional
+            State; that of a gaussian fit by default.
         tolerance : float
             Largest change in one pass, in posterior standard deviations.
         max_iter : int
@@ -166,10 +162,13 @@ class PerformanceIteration:
         Solution or None
             None if the model is not identifiable.
         """
-        limits = np.array(bounds(self._weight(start[-2:]) * self.data.gram.diagonal, self.stack))
+        state = self.start() if start is None else start
+        if state is None:
+            return None
+        limits = np.array(bounds(self._weight(state[-2:]) * self.data.gram.diagonal, self.stack))
         inside = np.hstack([limits, self.family.bounds])
         mixing = Mixing(close=CLOSE * float(np.sqrt(self.rows.n / self.rows.p)))
-        state, largest_change = start, np.inf
+        largest_change = np.inf
         for count in range(1, max_iter + 1):
             advanced = self.advance(state, limits, largest_change <= 4 * mixing.close)
             if advanced is None:
@@ -187,15 +186,12 @@ class PerformanceIteration:
 
     def _solution(self, last: Pass, end: End) -> Solution | None:
         """Solution at the last pass, with its score; None if the score cannot be evaluated."""
-        _, rho, theta = self.parts(last.state)
+        _, rho, theta = np.split(last.state, [self.stack.p, -2])
         working = gaussian_score(last.data, self.stack, rho, 1.0)
         if working is None:
             return None
-        end = end if self.fixed else end._replace(hessian=working.hessian)
-        beta = self.stack.rotate(working.beta, back=True)
-        covariance = self.stack.covariance(working.factor)
-        information = self.stack.rotate_gram(last.data.gram, back=True).dense()
-        return Solution(beta, rho, theta, working.value, covariance, information, end)
+        end = end if self.given is not None else end._replace(hessian=working.hessian)
+        return replace(working.solution(last.data, self.stack, rho, end), theta=theta)
 
 
 class Mixing:

@@ -128,9 +128,8 @@ def _subset_start(
     rows, y = rows.subset(chosen), y[chosen]
     family, data = settings.family, NormalEquations.of_rows(rows, y).rotated(stack)
     assert isinstance(family, ScaledT)
-    iteration = PerformanceIteration(rows, y, data, stack, family, settings.rho is not None)
-    start = iteration.start(settings.rho)
-    iterated = None if start is None else iteration.run(start, 100 * settings.tolerance, settings.max_iter)
+    iteration = PerformanceIteration(rows, y, data, stack, family, settings.rho)
+    iterated = iteration.run(None, 100 * settings.tolerance, settings.max_iter)
     if iterated is None:
         return None
     return np.concatenate([stack.rotate(iterated.beta), iterated.rho, iterated.theta])
@@ -142,12 +141,8 @@ def _scaled_t(
     """Fit by performance iteration and, if `method` is "REML", from there by exact Laplace REML; None if a fit fails."""
     family = settings.family
     assert isinstance(family, ScaledT)
-    fixed = settings.rho is not None
-    iteration = PerformanceIteration(rows, y, data, stack, family, fixed)
+    iteration = PerformanceIteration(rows, y, data, stack, family, settings.rho)
     start = _subset_start(rows, y, stack, settings)
-    start = iteration.start(settings.rho) if start is None else start
-    if start is None:
-        return None
     exact = settings.method == "REML"
     iterated = iteration.run(start, settings.tolerance * (100 if exact else 1), settings.max_iter)
     if iterated is None or not exact:
@@ -155,6 +150,7 @@ def _scaled_t(
     model = LaplaceModel(rows, Response.of(y), stack, family, stack.rotate(iterated.beta))
     # at the bound of nu the score is flat in the log of its excess: Newton's method would not leave it
     theta = np.where(family.free & [True, False], np.maximum(iterated.theta, 0.0), iterated.theta)
+    fixed = settings.rho is not None
     return fit_laplace(model, iterated.rho, theta, data.gram, fixed, max_iter=settings.max_iter)
 
 
