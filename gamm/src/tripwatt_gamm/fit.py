@@ -140,14 +140,9 @@ def gaussian_score(
 
 
 def newton_step(
-    gradient: FloatArray,
-    hessian: FloatArray,
-    x: FloatArray,
-    lower: FloatArray,
-    upper: FloatArray,
-    max_change: float = 5.0,
+    gradient: FloatArray, hessian: FloatArray, x: FloatArray, lower: FloatArray, upper: FloatArray
 ) -> FloatArray:
-    """Newton descent step within bounds, of at most `max_change` in each component.
+    """Newton descent step within bounds, of at most 5 in each component.
 
     The eigenvalues of the scaled Hessian are replaced by their absolute values, at least 1e-4.
     """
@@ -160,7 +155,7 @@ def newton_step(
     values, vectors = np.linalg.eigh(H / np.outer(d, d))
     values = np.maximum(np.abs(values), 1e-4)
     move = -(vectors @ ((vectors.T @ (g / d)) / values)) / d
-    step[free] = np.clip(move, -max_change, max_change)
+    step[free] = np.clip(move, -5.0, 5.0)
     return np.clip(x + step, lower, upper) - x
 
 
