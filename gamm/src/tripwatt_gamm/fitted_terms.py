@@ -83,14 +83,10 @@ class FittedTerm:
         return [np.asarray(np.kron(S, np.eye(self.copies)), dtype=np.float64) for S in self.matrices]
 
     @property
-    def rank(self) -> int:
-        """Dimension of the penalised space."""
-        return self.copies * PenaltyBlock.from_matrices(0, self.matrices).rank if self.matrices else 0
-
-    @property
     def null_dim(self) -> int:
         """Dimension of the unpenalised space."""
-        return self.size - self.rank
+        blocks = [PenaltyBlock.from_matrices(0, self.matrices)] if self.matrices else []
+        return self.size - sum(self.copies * block.rank for block in blocks)
 
     def matrix(self, frame: pd.DataFrame, training: Training | None = None) -> FloatArray:
         """Compute the columns of the term at the rows of a frame.
