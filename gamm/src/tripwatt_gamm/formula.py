@@ -178,13 +178,18 @@ class _Reader:
             fix = nearest(kind, _FUNCTIONS) or "compute transformed columns beforehand"
             allowed = ", ".join(f"{name}()" for name in _FUNCTIONS)
             self.refuse(node, "unknown function", f"{kind}()", allowed, fix)
-        names = [self.column(argument) for argument in node.args]
-        columns = tuple(name for name in names if name is not None)
+        names = [self.column(positional) for positional in node.args]
+        columns = tuple(column for column in names if column is not None)
         if not names or len(columns) < len(names):
             self.refuse(node, "a smooth takes columns", self.original(node), f"{kind}(column, ...)")
         if len(set(columns)) < len(columns):
             self.refuse(node, "column given twice", ", ".join(columns), "distinct columns")
-        options = self.options(node)
+        options: dict[str, ast.expr] = {}
+        for argument in node.keywords:
+            if argument.arg not in _ARGUMENTS:
+                name = argument.arg or "**"
+                self.refuse(node, "unknown argument", name, ", ".join(_ARGUMENTS), nearest(name, _ARGUMENTS))
+            options[argument.arg] = argument.value
         basis = self.basis(node, options["bs"]) if "bs" in options else "tp" if kind == "s" else "cr"
         if kind == "s" and basis == "re":
             if len(options) > 1:
@@ -234,16 +239,6 @@ class _Reader:
         if group is None or len(names) < len(parts) or len({group, *names}) <= len(names):
             self.refuse(node, "random effects cannot be read", self.original(node), "(1 + x | group)")
         return RandomEffect(group, tuple(names), correlated=bool(names))
-
-    def options(self, node: ast.Call) -> dict[str, ast.expr]:
-        """Return the arguments of a call by name."""
-        given: dict[str, ast.expr] = {}
-        for argument in node.keywords:
-            if argument.arg not in _ARGUMENTS:
-                name = argument.arg or "**"
-                self.refuse(node, "unknown argument", name, ", ".join(_ARGUMENTS), nearest(name, _ARGUMENTS))
-            given[argument.arg] = argument.value
-        return given
 
 
 def nearest(name: str, allowed: Iterable[str]) -> str:
