@@ -42,7 +42,7 @@ def test_scores_have_exact_gradients_and_hessians(seed):
     )
     design = build_design(Formula("y", formula.terms[1:]), frame)
     rows, y = design.rows, frame["y"].to_numpy()
-    active = np.arange(design.p)
+    active = np.arange(design.rows.p)
     stack, _ = design.penalty_stack(active)
     rng = np.random.default_rng(seed)
     normal = NormalEquations.of_rows(rows, y).rotated(stack)

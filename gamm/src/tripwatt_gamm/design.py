@@ -75,11 +75,6 @@ class Design:
     empty: list[int] = field(default_factory=list)
     coverage: Coverage = field(default_factory=Coverage)
 
-    @property
-    def p(self) -> int:
-        """Number of coefficients."""
-        return self.rows.p
-
     def active(self, gram_diagonal: FloatArray) -> Index:
         """Indices of the coefficients that data or penalties determine."""
         determined = gram_diagonal > 0
@@ -369,23 +364,22 @@ class _Builder:
         for fitted in self.terms:
             fitted.start, fitted.training, fitted.extrapolation = start, training, self.extrapolation
             start += fitted.size
-        eliminated = self._large(self.terms[-1]) if self.terms else (0,)
+        eliminated = self._large(self.terms[-1]) if self.terms else ()
         rows = TableRows(self._parts(eliminated), len(self.frame), start)
         return Design(self.formula, self.terms, rows, training, self.notes, [], self.coverage)
 
     def _large(self, fitted: FittedTerm) -> tuple[object, ...]:
         """Number and columns of the levels of a random effect that has so many that they may be eliminated."""
         large = fitted.kind == "random" and fitted.copies >= MANY_LEVELS and self.eliminate
-        return (fitted.copies, fitted.groups) if large else (0,)
+        return (fitted.copies, fitted.groups) if large else ()
 
     def _parts(self, eliminated: tuple[object, ...]) -> list[IndexedColumns]:
         """All parts of X: indicators of few joint levels are merged, those of the large effects `eliminated` have no table."""
-        pieces = [
-            piece for piece in self.pieces if self._large(piece.terms[0]) != eliminated or eliminated == (0,)
-        ]
+        large = [piece for piece in self.pieces if eliminated and self._large(piece.terms[0]) == eliminated]
+        pieces = [piece for piece in self.pieces if piece not in large]
         indicators = [piece for piece in pieces if piece.is_indicator]
         parts = [piece.indexed() for piece in pieces if not piece.is_indicator]
-        parts += [piece.indexed(eliminated=True) for piece in self.pieces if piece not in pieces]
+        parts += [piece.indexed(eliminated=True) for piece in large]
         if not indicators:
             return parts
         code = np.zeros(len(self.frame), dtype=np.int64)

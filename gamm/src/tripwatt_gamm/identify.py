@@ -33,11 +33,11 @@ def _null_space(design: Design, gram: FloatArray, active: Index) -> tuple[FloatA
         weight = max(float(np.trace(gram[where, where])), 1e-300)
         for S in fitted.penalties:
             total[where, where] += S * (weight / float(np.trace(S)))
-    d = np.zeros(design.p)
+    d = np.zeros(design.rows.p)
     d[active] = 1 / np.sqrt(np.diag(total)[active])
     values, vectors = np.linalg.eigh(total[np.ix_(active, active)] * d[active] * d[active, None])
     null = values < NULL_TOLERANCE * values.max(initial=0.0)
-    basis = np.zeros((design.p, int(null.sum())))
+    basis = np.zeros((design.rows.p, int(null.sum())))
     basis[active] = vectors[:, null]
     return basis, d
 
@@ -61,7 +61,7 @@ def identify(design: Design, gram: FloatArray) -> Design:
         A reduced copy; the given design if no term was reduced. Its `notes` and `empty` may be extended.
     """
     for _ in range(20):  # each pass removes one term's part; far fewer are needed
-        active = design.active(np.append(np.diag(gram), np.ones(design.p - len(gram))))
+        active = design.active(np.append(np.diag(gram), np.ones(design.rows.p - len(gram))))
         null, scale = _null_space(design, gram, active)
         if not null.shape[1]:
             return design
@@ -109,6 +109,6 @@ def _reduce(design: Design, gram: FloatArray, fitted: FittedTerm, Z: FloatArray)
         if table is not None and first <= part.columns[0] < last:
             columns, table = np.arange(first, first + Z.shape[1], dtype=np.intp), table @ Z
         parts.append(replace(part, columns=columns, table=table))
-    rows = TableRows(parts, design.rows.n, design.p - gone)
+    rows = TableRows(parts, design.rows.n, design.rows.p - gone)
     empty = [c - gone * (c >= last) for c in design.empty]
     return replace(design, terms=terms, rows=rows, empty=empty), map_columns.T @ gram @ map_columns

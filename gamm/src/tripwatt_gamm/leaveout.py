@@ -56,7 +56,7 @@ class Work:
     def identified(self, sums: NormalEquations, rows: Index) -> tuple[Work, NormalEquations]:
         """Return the work without directions that nothing determines, and its sums; `sums` are those of `rows`."""
         reduced = replace(self, design=identify(self.design, sums.gram.corner))
-        return reduced, sums if reduced.design.p == self.design.p else reduced.sums(rows)
+        return reduced, sums if reduced.design.rows.p == self.design.rows.p else reduced.sums(rows)
 
     def fit(
         self, rows: Index, sums: NormalEquations, settings: FitSettings, where: str
@@ -117,7 +117,7 @@ def _fold(
     design = replace(work.design, notes=[], empty=list(work.design.empty))
     where = f"without fold of row {held_rows[0]}"
     design, active, _, solution = replace(work, design=design).fit(kept, sums, settings, where)
-    beta = np.zeros(design.p)
+    beta = np.zeros(design.rows.p)
     beta[active] = solution.beta
     training = design.coverage.training(~held)
     piece = frame.iloc[held_rows] if wanted is None else wanted

@@ -64,7 +64,7 @@ def _names(design: Design, solution: Solution, active: Index, which: list[int]) 
         "training": design.training,
         "notes": [*design.notes, *_extremes(design, parameters)],
         "coef_names": coef_names,
-        "empty_columns": [coef_names[i] for i in np.setdiff1d(np.arange(design.p), active)],
+        "empty_columns": [coef_names[i] for i in np.setdiff1d(np.arange(design.rows.p), active)],
         "ranges": {
             name: (float(support.low[j]), float(support.high[j]))
             for names, support in design.training.supports.items()
@@ -99,7 +99,7 @@ def results(
         Fitted quantities by name; the model has each as an attribute with a trailing underscore.
     """
     y, weights, theta = response.y, response.weights, solution.theta
-    p, n = design.p, len(y)
+    p, n = design.rows.p, len(y)
     square = np.ix_(active, active)
     Vp, F, R = np.zeros((3, p, p))
     coef = np.zeros(p)
