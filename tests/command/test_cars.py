@@ -13,7 +13,7 @@ NEW = ("vehicles", "new", "--mass", "1830", "--battery", "58", "--power", "150",
 
 def test_words_list_the_cars_that_they_find(run: Callable[..., Answer]) -> None:
     found = json.loads(run("vehicles", "model", "3", "2024", "--json").out)
-    assert [car["name"] for car in found] == ["tesla_model_3_2024_rwd"]
+    assert [car["name"] for car in found] == ["tesla_model_3_2024_rwd", "tesla_model_3_2024_lr_awd"]
     assert "hyundai_kona_64" in run("vehicles", "kona").out
     refused = run("vehicles", "zeppelin")
     assert refused.code == 2

@@ -107,7 +107,9 @@ def test_energy_is_the_sum_of_its_causes(car: str) -> None:
 
 @every_car
 def test_a_load_costs_energy_and_chance(car: str) -> None:
-    loads = [asked(car, departure=known(payload_mass_kg=mass)) for mass in (0.0, 100.0, 300.0)]
+    """On the level and uphill: a descent gives part back, and a machine with magnets loses more there without torque than with some."""
+    links = [link for link in LINKS if link["grade"] >= 0.0]
+    loads = [asked(car, links, known(payload_mass_kg=mass)) for mass in (0.0, 100.0, 300.0)]
     assert np.all(np.diff([found.energy_wh for found in loads]) > 0.0)
     assert np.all(np.diff([soc_needed(found, 0.1) for found in loads]) > 0.0)
     assert np.all(np.diff([found.p_arrive(0.1) for found in loads]) <= MIN_CHANGE)

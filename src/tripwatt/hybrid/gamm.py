@@ -24,7 +24,7 @@ def gamm_engine() -> Iterator[ModuleType]:
     ...     engine.GAMM("y ~ s(x, kk=3)").fit({"x": [], "y": []})
     Traceback (most recent call last):
     ...
-    tripwatt.errors.InvalidInput: unknown argument: term 's(x, kk=3)' at character 5: got kk; allowed: bs, k, by; did you mean k?
+    tripwatt.errors.InvalidInput: unknown argument: term 's(x, kk=3)' at character 5: got kk; allowed: bs, k, by, knots; did you mean k?
     """
     require_extras({"gamm": "a GAMM"})
     import tripwatt_gamm

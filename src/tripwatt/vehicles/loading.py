@@ -156,8 +156,8 @@ def find_vehicles(words: str) -> tuple[str, ...]:
 
     Examples
     --------
-    >>> find_vehicles("kona")
-    ('hyundai_kona_64', 'hyundai_kona_39')
+    >>> find_vehicles("kona 64")
+    ('hyundai_kona_64',)
     """
     wanted = [word for word in map(_plain, words.split()) if word]
     around = zip(["", *wanted], wanted, [*wanted[1:], ""], strict=False)

@@ -231,9 +231,9 @@ def test_the_cars_and_the_models_fitted_on_them(jobs: Jobs) -> None:
     own = jobs.models[DEFAULT_MODEL].vehicle.name
     assert rows.pop(own) == [DEFAULT_MODEL]
     assert set(map(tuple, rows.values())) == {()}
-    searched = jobs.run("vehicles", search="kona")
+    searched = jobs.run("vehicles", search="zoe")
     assert isinstance(searched, dict)
-    assert [row["name"] for row in searched["vehicles"]] == ["hyundai_kona_64", "hyundai_kona_39"]
+    assert [row["name"] for row in searched["vehicles"]] == ["renault_zoe_ze50_r135"]
 
 
 def test_a_described_car(jobs: Jobs) -> None:
