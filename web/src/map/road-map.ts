@@ -4,12 +4,14 @@
  */
 
 import type {
+  CircleLayerSpecification,
   GeoJSONSource,
   LayerSpecification,
   Map as Canvas,
   MapMouseEvent,
   Marker,
   StyleSpecification,
+  SymbolLayerSpecification,
 } from "maplibre-gl";
 import { groupsOf, type Lean, leansOf, numbersText, type Pixel, PIN_PX } from "../model/pins";
 import type { Bounds, Field, Point } from "../model/road";
@@ -101,7 +103,8 @@ const SERVICE = 7;
 /** Room that names keep free [px]: of a pin beside its point, of a stop with its number, of a station. */
 const ROOMS = { pin: [PIN_PX + 4, PIN_PX + 4], stop: [26, 26], station: [14, 14] } as const;
 
-type Data = "roads" | "others" | "reach" | "settlements" | "stations" | "stops" | "pins" | "dot";
+const DATA = ["roads", "others", "reach", "settlements", "stations", "stops", "pins", "dot"] as const;
+type Data = (typeof DATA)[number];
 
 const WIDTHS = {
   minor: ["interpolate", ["exponential", 1.5], ["zoom"], 9, 0.5, 14, 2, 18, 10],
@@ -134,6 +137,17 @@ function roadLayers(palette: MapPalette): LayerSpecification[] {
 
 function line(id: string, source: Data, paint: object): LayerSpecification {
   return { id, type: "line", source, layout: { "line-cap": "round", "line-join": "round" }, paint };
+}
+
+/** The size and the colours of a round mark. */
+function circle(id: string, source: Data, paint: object): CircleLayerSpecification {
+  return { id, type: "circle", source, paint: { "circle-stroke-width": 2, ...paint } };
+}
+
+/** Room that names keep free of a mark. */
+function room(of: keyof typeof ROOMS, id: string, source: Data, more: object = {}): SymbolLayerSpecification {
+  const layout = { "icon-image": `room-${of}`, "icon-allow-overlap": true, ...more };
+  return { id, type: "symbol", source, layout };
 }
 
 /** Where a name stands beside its point, the best place first: close to it, or clear of a road through it. */
@@ -174,39 +188,24 @@ function journeyLayers(palette: MapPalette, font: string): LayerSpecification[] 
     line("road", "roads", { "line-color": level, "line-width": width }),
     line("road-hit", "roads", { "line-color": palette.surface, "line-width": 22, "line-opacity": 0 }),
     {
-      id: "settlement-dot",
-      type: "circle",
-      source: "settlements",
-      filter: SHOWN_FROM_ZOOM as never,
-      paint: {
+      ...circle("settlement-dot", "settlements", {
         "circle-radius": ["match", ["get", "kind"], "city", 3.5, "town", 3, 2],
         "circle-color": palette.text,
         "circle-stroke-color": palette["map-ground"],
         "circle-stroke-width": 1,
-      },
+      }),
+      filter: SHOWN_FROM_ZOOM as never,
     },
-    {
-      id: "station",
-      type: "circle",
-      source: "stations",
-      paint: {
-        "circle-radius": ["match", ["get", "wish"], "preferred", 7, 5],
-        "circle-color": ["match", ["get", "wish"], "avoided", palette.surface, palette.station],
-        "circle-stroke-color": ["match", ["get", "wish"], "avoided", palette.station, palette.surface],
-        "circle-stroke-width": 2,
-      },
-    },
-    {
-      id: "stop",
-      type: "circle",
-      source: "stops",
-      paint: {
-        "circle-radius": ["case", [">", ["length", ["get", "order"]], 2], 16, 11],
-        "circle-color": palette.station,
-        "circle-stroke-color": palette.surface,
-        "circle-stroke-width": 2,
-      },
-    },
+    circle("station", "stations", {
+      "circle-radius": ["match", ["get", "wish"], "preferred", 7, 5],
+      "circle-color": ["match", ["get", "wish"], "avoided", palette.surface, palette.station],
+      "circle-stroke-color": ["match", ["get", "wish"], "avoided", palette.station, palette.surface],
+    }),
+    circle("stop", "stops", {
+      "circle-radius": ["case", [">", ["length", ["get", "order"]], 2], 16, 11],
+      "circle-color": palette.station,
+      "circle-stroke-color": palette.surface,
+    }),
     {
       id: "settlement",
       type: "symbol",
@@ -229,77 +228,37 @@ function journeyLayers(palette: MapPalette, font: string): LayerSpecification[] 
       paint: { "text-color": palette.text, "text-halo-color": palette["map-ground"], "text-halo-width": 1.6 },
     },
     // What is above is placed first: names keep clear of the road, of stations, of stops and of the pins.
+    room("station", "road-room", "roads", {
+      "symbol-placement": "line",
+      "symbol-spacing": ROOMS.station[0],
+      "icon-padding": 0,
+    }),
+    room("station", "station-room", "stations"),
     {
-      id: "road-room",
-      type: "symbol",
-      source: "roads",
-      layout: {
-        "symbol-placement": "line",
-        "symbol-spacing": ROOMS.station[0],
-        "icon-image": "room-station",
-        "icon-allow-overlap": true,
-        "icon-padding": 0,
-      },
-    },
-    {
-      id: "station-room",
-      type: "symbol",
-      source: "stations",
-      layout: { "icon-image": "room-station", "icon-allow-overlap": true },
-    },
-    {
-      id: "stop-room",
-      type: "symbol",
-      source: "stops",
-      layout: {
-        "icon-image": "room-stop",
-        "icon-allow-overlap": true,
+      ...room("stop", "stop-room", "stops", {
         "text-field": ["get", "order"],
         "text-font": [font],
         "text-size": 14,
         "text-allow-overlap": true,
-      },
+      }),
       paint: { "text-color": palette.surface },
     },
-    {
-      id: "pin-room",
-      type: "symbol",
-      source: "pins",
-      layout: {
-        "icon-image": "room-pin",
-        "icon-anchor": ["get", "anchor"],
-        "icon-allow-overlap": true,
-        "icon-padding": 0,
-      },
-    },
-    {
-      id: "dot",
-      type: "circle",
-      source: "dot",
-      paint: {
-        "circle-radius": 7,
-        "circle-color": palette.text,
-        "circle-stroke-color": palette.surface,
-        "circle-stroke-width": 3,
-      },
-    },
+    room("pin", "pin-room", "pins", { "icon-anchor": ["get", "anchor"], "icon-padding": 0 }),
+    circle("dot", "dot", {
+      "circle-radius": 7,
+      "circle-color": palette.text,
+      "circle-stroke-color": palette.surface,
+      "circle-stroke-width": 3,
+    }),
   ];
 }
 
 function styleOf({ palette, tiles, font }: MapOptions): StyleSpecification {
-  const data = (): StyleSpecification["sources"][string] => ({ type: "geojson", data: EMPTY });
   return {
     version: 8,
     sources: {
       ...(tiles && { tiles: { type: "vector", tiles: [tiles], ...TILE_ZOOM } }),
-      roads: data(),
-      others: data(),
-      reach: data(),
-      settlements: data(),
-      stations: data(),
-      stops: data(),
-      pins: data(),
-      dot: data(),
+      ...Object.fromEntries(DATA.map((name) => [name, { type: "geojson", data: EMPTY }])),
     },
     layers: [
       { id: "ground", type: "background", paint: { "background-color": palette["map-ground"] } },
@@ -481,12 +440,8 @@ export class RoadMap {
     map.on("mousemove", "road-hit", (event) => handlers.onRoad(pointOf(event)));
     map.on("mouseleave", "road-hit", () => handlers.onRoad(null));
     for (const layer of ["road-hit", "other-hit", "station", "stop"]) {
-      map.on("mouseenter", layer, () => {
-        map.getCanvas().style.cursor = "pointer";
-      });
-      map.on("mouseleave", layer, () => {
-        map.getCanvas().style.cursor = "";
-      });
+      map.on("mouseenter", layer, () => void (map.getCanvas().style.cursor = "pointer"));
+      map.on("mouseleave", layer, () => void (map.getCanvas().style.cursor = ""));
     }
   }
 
