@@ -265,3 +265,49 @@ def test_the_column_of_the_vehicle_is_proposed_with_that_of_the_trip(tmp_path: P
     fleet = read_table(file, parse_mapping(found.toml, "m"))
     assert [trip.trip_id for trip in fleet.trips] == ["10-7", "541-7"]
     assert [len(trip) for trip in fleet.trips] == [len(d), len(d)]
+
+
+def energy_of(path: Path) -> float:
+    (log,) = read_table(path).logs
+    assert log.observed_energy_wh is not None
+    return log.observed_energy_wh
+
+
+@pytest.mark.parametrize(
+    ("name", "factor"),
+    [
+        ("HV kW", 1e-3),
+        ("xyz (W)", 1.0),
+        ("xyz [kW]", -1e-3),
+        ("Potencia", 1e-3),
+        ("v.b.power", 1e-3),
+        ("Leistung Akku", 1.0),
+    ],
+)
+@pytest.mark.parametrize("other", [{}, {"xyz (A)": -1.0}])
+def test_a_power_whose_name_is_not_listed_is_no_current(tmp_path, name, factor, other) -> None:
+    """The unit in the name counts, and a power without one has the names of several languages."""
+    d, file = drive(), tmp_path / "drive.csv"
+    power = d.u * d.i
+    more = {key: sign * d.i.round(1) for key, sign in other.items()} if "xyz" not in name else {}
+    table = {"Time (s)": d.t, "Speed (km/h)": d.v * 3.6, name: power * factor, **more}
+    pd.DataFrame(table).to_csv(file, index=False)
+    true_wh = float(np.trapezoid(power, d.t)) / 3600.0
+    assert energy_of(file) == pytest.approx(true_wh, rel=0.01)
+
+
+@pytest.mark.parametrize("other", [{}, {"SoC (%)": 80.0}])
+def test_a_column_that_may_be_power_or_current_is_not_guessed(tmp_path, other) -> None:
+    """Without a voltage, a name or a unit, both are possible: 3 kW is not 3 A."""
+    d, file = drive(), tmp_path / "drive.csv"
+    pd.DataFrame({"Time (s)": d.t, "Speed (km/h)": d.v * 3.6, "xyz": d.i, **other}).to_csv(file, index=False)
+    assert "xyz" in suggest_mapping(file).unused
+
+
+def test_the_unit_of_an_unlisted_current_and_speed_counts(tmp_path) -> None:
+    d, file = drive(), tmp_path / "drive.csv"
+    table = {"Time (s)": d.t, "abc [mph]": d.v / 0.44704, "uvw": d.u, "xyz [mA]": 1000.0 * d.i}
+    pd.DataFrame(table).to_csv(file, index=False)
+    (log,) = read_table(file).logs
+    assert log.array("current_a") == pytest.approx(d.i.to_numpy())
+    assert log.array("speed_m_s") == pytest.approx(d.v.to_numpy())

@@ -14,8 +14,8 @@ import numpy as np
 import pandas as pd
 
 from tripwatt.arrays import FloatArray
-from tripwatt.sources.mapping import POWER
-from tripwatt.sources.naming import vocabulary
+from tripwatt.sources.mapping import POWER, UNITS
+from tripwatt.sources.naming import may_hold, unit_in, vocabulary
 from tripwatt.trips import COLUMNS
 from tripwatt.trips.inertia import apparent_mass
 from tripwatt.units import M_S_PER_KM_H, M_S_PER_MPH, SECONDS_PER_HOUR
@@ -155,7 +155,12 @@ def speed_unit(assumed: str, mass_kg: float) -> tuple[str, str]:
     return unit, f"in {unit} the apparent mass of the car is {fitting[unit]:.0f} kg ({other_masses}){check}"
 
 
-def best_flow(time: FloatArray, known: Mapping[str, FloatArray], unknown: Mapping[str, FloatArray]) -> Flow:
+def best_flow(
+    time: FloatArray,
+    known: Mapping[str, FloatArray],
+    unknown: Mapping[str, FloatArray],
+    labels: Mapping[str, str],
+) -> Flow:
     """Recognise columns of one trip by their values alone, and find the sign of the current.
 
     Parameters
@@ -166,17 +171,30 @@ def best_flow(time: FloatArray, known: Mapping[str, FloatArray], unknown: Mappin
         Our name -> values in our unit.
     unknown : mapping of str to ndarray, shape (samples,)
         Columns that no name has identified.
+    labels : mapping of str to str
+        Name of a column -> the name with the unit of the line below the header, if there is one.
     """
     if not len(time):
         return Flow()
     spare, guesses = dict(unknown), []
+
+    def named(ours: str) -> dict[str, FloatArray]:
+        return {n: values for n, values in spare.items() if may_hold(ours, labels.get(n, n))}
+
+    def unit_of(ours: str, name: str) -> str:
+        return unit_in(ours, labels.get(name, name)) or COLUMNS[ours].unit.lower()
+
     volts = known.get("voltage_v", np.full(len(time), STAND_IN_V))
-    name = next((n for n, values in spare.items() if _is_pack_voltage(values)), None)
+    name = next((n for n, values in named("voltage_v").items() if _is_pack_voltage(values)), None)
     if "voltage_v" not in known and name is not None:
         volts = spare.pop(name)
         text = f"no name matches; values of {np.nanmin(volts):g} to {np.nanmax(volts):g} are those of a traction battery"
         guesses.append(Guess("voltage_v", name, "v", text))
-    speeds = {n: values for n, values in spare.items() if _may_be_speed(values)}
+    speeds = {
+        n: values * UNITS["speed_m_s"][unit_of("speed_m_s", n)][0]
+        for n, values in named("speed_m_s").items()
+        if _may_be_speed(values)
+    }
     if "speed_m_s" in known:
         speeds = {"": known["speed_m_s"]}
     if "current_a" in known:
@@ -184,7 +202,13 @@ def best_flow(time: FloatArray, known: Mapping[str, FloatArray], unknown: Mappin
     elif POWER in known:
         flows = {"": known[POWER]}
     else:
-        flows = {n: values * volts for n, values in spare.items() if np.nanmin(values, initial=0.0) < 0.0}
+        is_sure = "voltage_v" in known or bool(guesses)  # else the column may be a power just as well
+        flows = {
+            n: values * UNITS["current_a"][unit_of("current_a", n)][0] * volts
+            for n, values in named("current_a").items()
+            if np.nanmin(values, initial=0.0) < 0.0
+            and (is_sure or unit_in("current_a", labels.get(n, n)) is not None)
+        }
     mass, correlation, speed_name, flow_name = _best_pair(time, speeds, flows)
     # 0.3: correlation of the power with acceleration above which the sign of the current or power is clear
     # 0.6: correlation above which a column without a matching name is taken for the current or the speed
@@ -192,13 +216,13 @@ def best_flow(time: FloatArray, known: Mapping[str, FloatArray], unknown: Mappin
         is_measured = POWER in known or "current_a" in known
         sign = "discharge" if is_measured else ""
         return Flow(tuple(guesses), sign, "CHECK: too little driving to decide")
-    for ours, name, unit, why in (
-        ("current_a", flow_name, "a", "correlated with speed times acceleration"),
-        ("speed_m_s", speed_name, "m/s", "its change is correlated with the power"),
+    for ours, name, why in (
+        ("current_a", flow_name, "correlated with speed times acceleration"),
+        ("speed_m_s", speed_name, "its change is correlated with the power"),
     ):
         if name:
             text = f"no name matches; {why} (correlation {abs(correlation):.2f})"
-            guesses.append(Guess(ours, name, unit, text))
+            guesses.append(Guess(ours, name, unit_of(ours, name), text))
     sign = "discharge" if correlation > 0 else "charge"
     why_sign = f"correlation of power with acceleration {correlation:.2f}"
     return Flow(tuple(guesses), sign, why_sign, abs(mass))

@@ -82,6 +82,27 @@ def unit_in(ours: str, name: str) -> str | None:
     return next((unit for unit in units if unit in UNITS[ours]), None)
 
 
+def may_hold(ours: str, label: str) -> bool:
+    """Whether a column whose name is unknown may be our column `ours`: its name states a unit of it, or none of any column.
+
+    Examples
+    --------
+    >>> may_hold("current_a", "HV kW"), may_hold("current_a", "HV (A)"), may_hold("current_a", "HV")
+    (False, True, True)
+    """
+    if unit_in(ours, label) is not None:
+        return True
+    # a single letter at the end of a name may be no unit, as in "sensor a"
+    units = [unit for unit in _units_in(label) if len(unit) > 1 or label.rstrip()[-1:] in "])}"]
+    return not any(unit in known for unit in units for known in UNITS.values())
+
+
+def is_excluded(ours: str, name: str) -> bool:
+    """Whether a column's name has a word that our column `ours` cannot have."""
+    excluded = vocabulary()["columns"][ours].get("not")
+    return re.search("|".join(filter(None, (vocabulary()["never"], excluded))), words(name)) is not None
+
+
 def unit_named(ours: str, text: str) -> str | None:
     """The unit of our column `ours` that a text names; None if it names none.
 
@@ -115,8 +136,6 @@ def candidates(ours: str, names: Sequence[str]) -> list[str]:
     """
     if ours in names:
         return [ours]
-    excluded = vocabulary()["columns"][ours].get("not")
-    forbidden = re.compile("|".join(filter(None, (vocabulary()["never"], excluded))))
     likely: dict[str, None] = {}
     for pattern in column_names()[ours]:
         for name in names:
@@ -126,6 +145,6 @@ def candidates(ours: str, names: Sequence[str]) -> list[str]:
             text = f"{words(name)} display" if ours == "displayed_soc" and shown else words(name)
             without_unit = " ".join(text.split()[:-1])  # "u v", "i a", "z m": a letter and its unit
             matches = re.search(pattern, text) or (without_unit and re.search(pattern, without_unit))
-            if matches and not forbidden.search(text):
+            if matches and not is_excluded(ours, name):
                 likely.setdefault(name)
     return list(likely)

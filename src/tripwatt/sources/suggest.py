@@ -33,7 +33,15 @@ from tripwatt.sources.evidence import (
     unit_of_values,
 )
 from tripwatt.sources.mapping import POWER, TIME_STAMPS, UNITS, ColumnMapping, load_mapping, shipped_mappings
-from tripwatt.sources.naming import candidates, column_names, is_something_else, unit_in, unit_named, words
+from tripwatt.sources.naming import (
+    candidates,
+    column_names,
+    is_excluded,
+    is_something_else,
+    unit_in,
+    unit_named,
+    words,
+)
 from tripwatt.trips import COLUMNS
 
 DAY_FORMATS: Final = ("%Y-%m-%d", "%Y/%m/%d", "%d.%m.%Y", "%m/%d/%Y", "%d/%m/%Y", "%d-%m-%Y", "%m-%d-%Y", "%d.%m.%y", "%m/%d/%y", "%d/%m/%y", "%Y%m%d", "%d-%b-%Y")  # fmt: skip
@@ -123,7 +131,10 @@ def suggest_mapping(path: Path | str, names: Sequence[str] = (), beside: Sequenc
     taken = {g.column for g in guesses.values()} | keys
     drive = {name: values[longest] for name, values in columns.items()}
     unknown = {n: values for n, values in drive.items() if n not in taken and not is_something_else(n)}
-    flow = best_flow(_clock(guesses, drive, int(longest.sum())), _in_our_units(guesses, drive), unknown)
+    labels = {name: _label(table, name) for name in unknown}
+    flow = best_flow(
+        _clock(guesses, drive, int(longest.sum())), _in_our_units(guesses, drive), unknown, labels
+    )
     guesses |= {guess.ours: guess for guess in flow.guesses}
     if "time_s" in guesses and guesses["time_s"].unit == "timestamp":
         guesses["time_s"] = _with_day(guesses["time_s"], table, beside)
@@ -238,7 +249,14 @@ def _by_name(table: TableFile, columns: Mapping[str, FloatArray], trip: str | No
     guesses: dict[str, Guess] = {}
     taken = {trip}
     for ours in column_names():
-        for name in candidates(ours, [n for n in table.names if n and n not in taken]):
+        free = [n for n in table.names if n and n not in taken]
+        named = candidates(ours, free)
+        if (
+            ours == POWER and not named
+        ):  # the unit shows a power, and only that of a battery is negative at times
+            named = [n for n in free if unit_in(POWER, _label(table, n)) and not is_excluded(POWER, n)]
+            named = [n for n in named if np.nanmin(columns.get(n, np.zeros(1)), initial=0.0) < 0.0]
+        for name in named:
             guess = _with_unit(ours, name, table, columns.get(name))
             if guess is not None:
                 guesses[ours] = guess
@@ -253,6 +271,11 @@ def _stamped(table: TableFile, name: str) -> Guess | None:
     return None if form is None else Guess("time_s", name, "timestamp", form[1], form[0])
 
 
+def _label(table: TableFile, name: str) -> str:
+    """A column's name, with the unit of the line below the header."""
+    return f"{name} [{table.units[name]}]" if table.units.get(name) else name
+
+
 def _with_unit(ours: str, name: str, table: TableFile, values: FloatArray | None) -> Guess | None:
     """The guess with its unit, from the name if it states one, else from the values; None if the values are impossible."""
     if values is None:
@@ -260,8 +283,7 @@ def _with_unit(ours: str, name: str, table: TableFile, values: FloatArray | None
     known = values[np.isfinite(values)]
     if not len(known):
         return None
-    stated = table.units.get(name)
-    stated_unit = None if name == ours else unit_in(ours, f"{name} [{stated}]" if stated else name)
+    stated_unit = None if name == ours else unit_in(ours, _label(table, name))
     if name == ours:
         our_unit = COLUMNS[ours].unit.lower() if ours in COLUMNS else "w"
         since_1970 = ours == "time_s" and known[0] > SINCE_1970
