@@ -5,18 +5,8 @@ import re
 
 import pytest
 from tests.support import ROOT
-from tools.docs.paper_page import (
-    CLAIMS,
-    FIGURES,
-    PAPER_TABLE2,
-    RUNS,
-    SCHEMATICS,
-    VERDICTS,
-    Sources,
-    on_trip_df,
-    render_paper_page,
-    table2_row,
-)
+from tools.docs.paper_page import FIGURES, SCHEMATICS, on_trip_df, render_paper_page
+from tools.docs.paper_rows import CLAIMS, PAPER_TABLE2, RUNS, VERDICTS, Sources, table2_row
 
 from tripwatt.study.report.view import View
 
@@ -58,17 +48,30 @@ def test_every_element_of_the_paper_is_a_row_with_a_verdict(results: dict, page:
 def test_a_verdict_follows_its_figure(results: dict) -> None:
     claims = published("paper_claims")
     claims["figure3"]["fits"]["cumulative energy"] |= {"below": 6, "expected": 5.8}
-    claims["figure3"]["correlation_of_rows"] = 0.01
+    claims["figure3"]["correlation_of_rows"]["t"] = 0.01
+    claims["table2"][0] |= {"distance": 0.5, "intercept": 1500.0}
     transfer = published("transfer")
     for row in transfer["rows"]:
         row["less_physics"] = -0.01
     text = render_paper_page(results, transfer, claims)
     for row in (
         "Figure 3: the residuals match the quantiles of the t",
-        "§1, §4: a model of one car serves another without loss",
+        "Table 2: EDF of the smooths",
+        "Table 2: intercept 1537.44 (938.99)",
+        "§2.2: longitudinal models remove the dependence of rows",
+        "§1, §4: vehicle and external factors are apart, so a model serves another car without loss",
     ):
         assert f"| {row} | yes |" in text
-    assert "remove the dependence of rows | yes |" in text
+        assert f"| {row} | yes |" not in render_paper_page(
+            results, published("transfer"), published("paper_claims")
+        )
+
+
+def test_rows_follow_the_paper() -> None:
+    order = ("Abstract", "§1", "§2.1", "§2.2", "§2.3", "§3", "§3.1", "§3.2", "§3.3", "§3.4", "§4")
+    places = [re.match(r"(Abstract|§[\d.]*\d)", claim.paper) for claim in CLAIMS]
+    found = [order.index(place[1]) for place in places if place]
+    assert found == sorted(found)
 
 
 def test_every_figure_of_the_page_is_committed(page: str) -> None:
