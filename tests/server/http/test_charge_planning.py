@@ -163,3 +163,12 @@ def test_every_request_of_the_page_asks_what_the_service_takes(served: Served) -
         parameters = {name: values[0] for name, values in parse_qs(given).items()}
         assert set(parameters) <= {"car", "probability", "reserve", "plug_w", "departs_at", "distance_km"}
         assert served("/v1/need", params=parameters).status_code == 200
+
+
+def test_a_distance_of_a_car_with_a_plan_has_its_own_departure(served: Served) -> None:
+    """The time of departure of a plan belongs to the plan alone, that of a query to its answer."""
+    answered(served)
+    leaves = "2030-01-12T07:30:00+00:00"
+    found = served("/v1/need", params={"car": "leaf", "distance_km": 40, "departs_at": leaves}).json()
+    assert found["departs_at"] == leaves
+    assert found["preheat"] is None or found["preheat"]["starts_at"] < leaves

@@ -267,11 +267,10 @@ class LiveCars:
         return None if companion.latest is None else companion.latest.to_dict()
 
     def _with_own_model(self, car: Car, request: Mapping[str, Any]) -> dict[str, Any]:
-        """Return a request without what only a plan has; if it names no car or model, with the name of the car's own model."""
+        """Return a request, of a plan without what a forecast lacks; if it names no car or model, with the name of the car's own model."""
         own = {"car": car.name} if car.is_described and not _names_car(request) else {}
-        return {
-            name: value for name, value in request.items() if name not in LiveDeparture.model_fields
-        } | own
+        plan_only = LiveDeparture.model_fields if {"links", "samples"} & request.keys() else {}
+        return {name: value for name, value in request.items() if name not in plan_only} | own
 
     def _model(self, car: Car, request: Mapping[str, Any]) -> ForecastModel:
         return self._jobs.model_named(self._with_own_model(car, request))
