@@ -37,6 +37,10 @@ MIN_LOSS = {"permanent_magnet": 1.0, "induction": 0.97, "externally_excited": 0.
 """Losses of a drivetrain on hills over those on the level, by its machine. One whose flux is chosen loses about as much as its torque, and so
 no more on a hill than where the same work is done evenly; of a machine with magnets a hill takes more."""
 
+FALLING = ("audi_q4_e_tron_40",)
+NEAR_NO_TORQUE = pytest.mark.xfail(
+    strict=True, reason="losses of a machine with magnets jump near no torque: 100 kg take 0.8 Wh less"
+)
 every_car = pytest.mark.parametrize("car", some_cars())
 
 
@@ -105,11 +109,11 @@ def test_energy_is_the_sum_of_its_causes(car: str) -> None:
 # --- more of something costs more
 
 
-@every_car
+@pytest.mark.parametrize(
+    "car", [pytest.param(car, marks=NEAR_NO_TORQUE if car in FALLING else ()) for car in some_cars()]
+)
 def test_a_load_costs_energy_and_chance(car: str) -> None:
-    """On the level and uphill: a descent gives part back, and a machine with magnets loses more there without torque than with some."""
-    links = [link for link in LINKS if link["grade"] >= 0.0]
-    loads = [asked(car, links, known(payload_mass_kg=mass)) for mass in (0.0, 100.0, 300.0)]
+    loads = [asked(car, departure=known(payload_mass_kg=mass)) for mass in (0.0, 100.0, 300.0)]
     assert np.all(np.diff([found.energy_wh for found in loads]) > 0.0)
     assert np.all(np.diff([soc_needed(found, 0.1) for found in loads]) > 0.0)
     assert np.all(np.diff([found.p_arrive(0.1) for found in loads]) <= MIN_CHANGE)

@@ -250,3 +250,11 @@ def test_on_the_way_the_rest_of_a_known_climb_remains():
     climbs = drive.net.net_m(np.array([0.0, 6000.0]), 6000.0)
     assert climbs[:, 0].tolist() == [0.0] * len(climbs)
     assert np.median(climbs[:, 1]) == pytest.approx(200.0, abs=1.0)
+
+
+def test_the_error_of_a_known_climb_is_the_stated_one():
+    for kind in ("flat", "hilly", "mountains"):
+        net = net_climbs(kind).given(known_climb(12_000.0, (0.0, 500.0), 60.0))
+        assert net.typical_m(12_000.0) == pytest.approx(60.0, rel=1e-6)
+        assert net.typical_m(6000.0) == pytest.approx(30.0, rel=1e-6)
+        assert net.quantile(0.5, 12_000.0) == pytest.approx(500.0, abs=1.0)

@@ -22,7 +22,7 @@ NUMBERS = {
     "usable_energy": (10.0, 140.0, "kWh"),
     "motor_power": (30.0, 800.0, "kW"),
     "pack_voltage": (200.0, 950.0, "V"),
-    "year_first": (2015.0, 2026.0, "year"),
+    "year_first": (2018.0, 2026.0, "year"),
     "running_mass": (900.0, 2700.0, "kg"),
     "charging_efficiency": (0.8, 0.95, "1"),
 }

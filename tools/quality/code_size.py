@@ -25,7 +25,7 @@ PARTS: Final = ("roads", "server", "fleet", "study", "gamm")
 BUDGETS: Final[Mapping[str, int]] = {
     "core": 20_675,
     "roads": 4_608,
-    "server": 6_012,
+    "server": 6_009,
     "fleet": 2_353,
     "study": 4_692,
     "gamm": 3_946,

@@ -107,9 +107,8 @@ class ServiceMiddleware:
         """
         self._check_host(headers.getlist("host"))
         path = scope["path"]
-        if scope["method"] not in SAFE_METHODS or path.startswith(
-            TOKEN_PATHS
-        ):  # reading takes computing time
+        # an operation that reads takes computing time, too
+        if scope["method"] not in SAFE_METHODS or path.startswith(TOKEN_PATHS):
             _check_site(headers, self.settings.cors_origins)
         if self.token and path.startswith(TOKEN_PATHS) and path not in CAR_TOKEN_PATHS:
             self._check_token(headers.getlist("authorization"))
