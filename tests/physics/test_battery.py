@@ -72,10 +72,11 @@ class TestBattery:
         assert run.temperature_degc == pytest.approx([20.0, 0.0 + 20.0 * math.exp(-1.0)], **EXACT)
 
     def test_voltage_floor(self) -> None:
-        """At 340 V of 350 V flow 100 A: 34 kW. That is given, more is not."""
+        """At 340 V of 350 V flow 100 A: 34 kW. More is counted at this voltage."""
         power = np.array([33_000.0, 34_000.0, 40_000.0])
         run = discharge(pack(), power, np.zeros(3), 20.0, 0.5, 20.0)
-        assert run.power_w == pytest.approx([33_000.0, 34_000.0, 34_000.0], **EXACT)
+        assert run.power_w == pytest.approx(power, **EXACT)
+        assert run.current_a[1:] == pytest.approx([100.0, 40_000.0 / 340.0], **EXACT)
         assert run.terminal_voltage_v[1:] == pytest.approx([340.0, 340.0], **EXACT)
         assert run.voltage_floor[[0, 2]].tolist() == [False, True]
 

@@ -84,10 +84,10 @@ def battery_current(power_w: FloatArray, ocv_v: FloatArray, resistance_ohm: Floa
 class BatteryRun:
     """State of the battery along a trip. Arrays have shape (..., samples); value k belongs to the interval that ends at k.
 
-    `power_w` [W] is the terminal power after limits, `refused_power_w` [W] the charging power that the full battery did not take,
+    `power_w` [W] is the terminal power, without what a full battery refused, `refused_power_w` [W] the charging power that the full battery did not take,
     `open_circuit_power_w` [W] the terminal power plus the heat in the battery. `soc` and `temperature_degc` are the values at the
     end of the interval. `soc` never rises above full; it falls below empty if the drive takes more than the battery holds.
-    `voltage_floor` marks intervals in which the lowest cell voltage limits the power. `converged` states whether the passes
+    `voltage_floor` marks intervals with more than the largest power at the lowest cell voltage. `converged` states whether the passes
     settled, shape (..., 1).
     """
 
@@ -110,10 +110,21 @@ def largest_power(ocv_v: FloatArray, resistance_ohm: FloatArray, floor_v: PerTri
     >>> largest_power(np.array([100.0]), np.array([1.0]), 90.0), largest_power(np.array([100.0]), np.array([1.0]), 0.0)
     (array([900.]), array([2500.]))
     """
-    voltage = np.minimum(np.maximum(0.5 * ocv_v, floor_v), ocv_v)
+    voltage = lowest_voltage(ocv_v, floor_v)
     # a battery without resistance has a power without limit; this keeps the number finite
     resistance = np.maximum(resistance_ohm, 1e-12)
     return np.asarray(voltage * (ocv_v - voltage) / resistance, dtype=np.float64)
+
+
+def lowest_voltage(ocv_v: FloatArray, floor_v: PerTrip) -> FloatArray:
+    """Terminal voltage at the largest power [V]: the floor, or half the open-circuit voltage if that is higher. Shape of `ocv_v`.
+
+    Examples
+    --------
+    >>> lowest_voltage(np.array([100.0]), 90.0), lowest_voltage(np.array([100.0]), 0.0)
+    (array([90.]), array([50.]))
+    """
+    return np.minimum(np.maximum(0.5 * ocv_v, floor_v), ocv_v)
 
 
 def shift(initial: PerTrip, values: FloatArray) -> FloatArray:
@@ -180,7 +191,8 @@ def discharge(
 
     A full battery takes no more charge: the state of charge never rises above the one that the display shows as full or, if
     higher, the one at the start. An empty battery keeps its voltage and resistance at empty: charge that a drive takes beyond
-    empty is counted as a state of charge below empty, and the power is not cut.
+    empty is counted as a state of charge below empty. Beyond the largest power the voltage stays at its lowest value. In both cases
+    the power is not cut: the energy that a trip needs does not fall when the battery cannot give it.
 
     Parameters
     ----------
@@ -208,13 +220,17 @@ def discharge(
         )
         limited = (highest_w > least).any()  # some power exceeds the smallest bound of its trip
         bound = largest_power(ocv, resistance, floor_v) if limited else least
-        allowed = np.minimum(power_w, bound) if limited else power_w
-        wanted = battery_current(allowed, ocv, resistance)
+        wanted = battery_current(power_w, ocv, resistance)
+        if limited:
+            wanted = np.where(power_w > bound, power_w / lowest_voltage(ocv, floor_v), wanted)
         gained, refused = kept_charge(-wanted * per_step, room)
         spills = bool(refused.any())
         current = wanted + refused / np.maximum(per_step, TINY) if spills else wanted
         new_soc = initial_soc + gained
-        heat = current * current * resistance
+        voltage = ocv - current * resistance
+        if limited:
+            voltage = np.where(power_w > bound, lowest_voltage(ocv, floor_v), voltage)
+        heat = current * (ocv - voltage)
         if np.all(loss > 0.0):
             warmed = warming.solve(initial_temperature_degc, ambient_temperature_degc + heat / loss)
         else:
@@ -225,13 +241,13 @@ def discharge(
         if settled.all():
             break
         soc, temperature = np.where(settled, soc, new_soc), np.where(settled, temperature, warmed)
-    power = np.where(refused > 0.0, (ocv - current * resistance) * current, allowed) if spills else allowed
+    power = np.where(refused > 0.0, voltage * current, power_w) if spills else power_w
     return BatteryRun(
         power_w=power,
-        refused_power_w=power - allowed,
+        refused_power_w=power - power_w,
         current_a=current,
         open_circuit_power_w=ocv * current,
-        terminal_voltage_v=ocv - current * resistance,
+        terminal_voltage_v=voltage,
         soc=new_soc,
         temperature_degc=warmed,
         voltage_floor=power_w > bound,
