@@ -32,6 +32,7 @@ from benchmarks import (
     clocks,
     coarse_speed,
     dirty_logs,
+    edges,
     gam,
     half_known,
     hostile,
@@ -96,6 +97,7 @@ def suites(results: Path | None, forecast: Path | None, links: Path | None) -> I
     yield Suite(f"{bench}installed --tests", partial(installed.rows, tests=True))
     yield Suite(f"{bench}leave_with", leave_with.rows)
     yield Suite(f"{bench}absurd", absurd.bars)
+    yield Suite(f"{bench}edges", edges.rows)
     yield Suite(f"{bench}anchors", anchors.bars)
     yield Suite(
         f"{bench}savings",

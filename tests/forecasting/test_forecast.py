@@ -684,7 +684,10 @@ def test_an_update_by_power_with_climate_control_beside_it():
     new = NOISE_W2 + CLIMATE_NOISE**2
     variance = constant * (1 / 30 + 1 / 20) ** 2 + new[1] / 30**2 + new[2] / 20**2
     factor = 1.2 + ONE_SIXTH * (1.5 - 1.2)
-    assert updated.sd_wh == pytest.approx(SD_FACTOR * factor * np.sqrt(variance), rel=1e-9)
+    # never wider than the rest was at departure
+    before = BOTH_W2 * (1 / 30 + 1 / 20) ** 2 + new[1] / 30**2 + new[2] / 20**2
+    assert factor**2 * variance > before
+    assert updated.sd_wh == pytest.approx(SD_FACTOR * np.sqrt(before), rel=1e-9)
 
 
 def test_climate_control_that_was_off_is_left_out_of_the_rest():
@@ -739,13 +742,20 @@ def test_a_burst_of_the_heater_counts_up_to_the_limit():
     assert burst.energy_wh == pytest.approx(4000 / 60 + (11800 + rest) / 30 + (6050 + rest) / 20, **EXACT)
 
 
+def rest_sd_wh(updated, ahead):
+    """Standard deviation of the energy of the parts of the segments that are ahead."""
+    hours = ahead * updated.drive.table.hours
+    variance = hours @ updated.posterior.covariance_w2 @ hours
+    return SD_FACTOR * updated.rest_sd_factor * np.sqrt(variance)
+
+
 def test_an_update_by_charge():
     readings = pd.DataFrame({"time_s": [0.0, 20.0, 40.0, 60.0], "soc": [0.50, 0.49, 0.48, 0.47]})
     updated = departing().update(readings)
-    # steps of 0.01: the first mark that is three steps away is the last reading
-    taken = 0.03 * WH_PER_SOC
-    residual = taken * 60.0 - 3100.0
-    error_w2 = ((0.01 * WH_PER_SOC) ** 2 / 6.0 + (0.03 * taken) ** 2) * 60.0**2
+    # steps of 0.01: the last change, to 0.475, lies half way between 40 and 60 s
+    taken = 0.025 * WH_PER_SOC
+    residual = taken * 72.0 - 3100.0
+    error_w2 = ((0.01 * WH_PER_SOC) ** 2 / 6.0 + (0.03 * taken) ** 2) * 72.0**2
     first = BOTH_W2 + NOISE_W2[0] + CLIMATE_NOISE**2
     seen = first * residual / (first + error_w2)
     share = 0.2 + ONE_SIXTH * (0.5 - 0.2)
@@ -755,7 +765,9 @@ def test_an_update_by_charge():
     # arrival counts from the last reading, not from the first
     left = (0.47 - ZERO) / (FULL - ZERO) - energy[1:].sum() / WH_PER_DISPLAY
     assert updated.soc_arrival == pytest.approx(left, rel=1e-9)
-    sd = charge_sd(updated.sd_wh, energy.sum())  # the display at departure was known
+    sd = charge_sd(
+        rest_sd_wh(updated, np.array([0, 1, 1])), energy.sum()
+    )  # the display at departure was known
     assert updated.p_arrive(left - 1.5 * sd) == pytest.approx(0.8, rel=1e-9)
 
 
@@ -787,7 +799,8 @@ def test_a_charge_of_the_battery_management_counts_from_the_display_at_departure
     start = shown - 0.048 / (FULL - ZERO) if counts else (0.452 - ZERO) / (FULL - ZERO)
     left = start - (after - before) / WH_PER_DISPLAY
     assert updated.soc_arrival == pytest.approx(left, rel=1e-9)
-    sd = charge_sd(updated.sd_wh, taken, base)
+    ahead = np.clip((360.0 - at_s - 60.0 - np.array([300.0, 180.0, 0.0])) / [60.0, 120.0, 180.0], 0.0, 1.0)
+    sd = charge_sd(rest_sd_wh(updated, ahead), taken, base)
     assert updated.p_arrive(left - 1.5 * sd) == pytest.approx(0.8, rel=1e-9)
 
 

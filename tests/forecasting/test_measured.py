@@ -21,10 +21,11 @@ from tripwatt.forecasting.measured import (
     since_departure,
 )
 from tripwatt.trips import Plan
+from tripwatt.uncertainty.charge import ChargeScale
 
 EXACT = {"rel": 1e-9, "abs": 1e-9}
 NO = np.nan
-WH_PER_SOC = 20_000.0
+SCALE = ChargeScale(0.1, 0.9, 16_000.0, 0.01, 0.02)
 
 
 class Segments:
@@ -35,13 +36,10 @@ class Segments:
         return 3
 
 
-BATTERY = SimpleNamespace(soc_from_displayed=lambda displayed: 0.1 + 0.8 * displayed)
 DRIVE = SimpleNamespace(
     edges_s=np.array([0.0, 10.0, 20.0, 30.0]),
-    vehicle=SimpleNamespace(battery=BATTERY),
     table=SimpleNamespace(hours=np.full(3, 10.0 / 3600.0)),
     segments=Segments(),
-    wh_per_soc=WH_PER_SOC,
 )
 PROCESS = SimpleNamespace(drive=SimpleNamespace(noise=0.5))
 """Half of the segments' noise is 50, 100 and 150 W."""
@@ -58,7 +56,7 @@ def columns(samples: pd.DataFrame) -> dict[str, np.ndarray]:
 
 
 def read(samples: pd.DataFrame):
-    return read_measured(columns(samples), DRIVE, PROCESS)
+    return read_measured(columns(samples), DRIVE, PROCESS, SCALE)
 
 
 class TestPower:
@@ -124,48 +122,55 @@ class TestCharge:
         return read(pd.DataFrame({"time_s": np.asarray(time, dtype=float), "soc": soc}))
 
     def test_three_steps(self) -> None:
-        """0.03 of 20 kWh in 30 s; each of the two readings is uniform over a step of 0.01, and 3 % of the capacity."""
+        """A display of 0.5 falls to 0.46875 half way between 20 and 30 s: 500 Wh; steps of 200 Wh, and 3 % of the capacity."""
         measured, found = self.readings([0, 10, 20, 30], [0.50, 0.49, 0.48, 0.47])
-        hours = 30.0 / 3600.0
-        assert found.weights == pytest.approx(np.full((1, 3), 1 / 3), **EXACT)
-        assert found.power_w == pytest.approx([600.0 / hours], **EXACT)
-        assert found.variance_w2 == pytest.approx([(200.0**2 / 6.0 + 18.0**2) / hours**2], **EXACT)
+        hours = 25.0 / 3600.0
+        assert found.weights == pytest.approx(np.array([[0.4, 0.4, 0.2]]), **EXACT)
+        assert found.power_w == pytest.approx([500.0 / hours], **EXACT)
+        assert found.covariance_w2 == pytest.approx(
+            np.array([[(200.0**2 / 6.0 + 15.0**2) / hours**2]]), **EXACT
+        )
         assert measured.until_s == 30.0
         assert measured.energy_wh is None
         assert measured.anchor == ChargeReading(30.0, 0.47, False)
 
     def test_fine_readings(self) -> None:
-        """Steps of 0.002 count as 0.005, so a mark is 0.015 away: at 12 s and, 0.016 further on, at 31 s."""
-        _, found = self.readings([0, 5, 7, 12, 14, 31], [0.5, 0.498, NO, 0.484, 0.484, 0.468])
-        expected = np.array([[10.0, 2.0, 0.0], [0.0, 8.0, 11.0]]) / [[12.0], [19.0]]
-        hours = np.array([12.0, 19.0]) / 3600.0
+        """Steps of 0.0025 count as 0.005, 80 Wh: marks are at 8.5 s, 200 Wh, and at 22.5 s, 300 Wh more. The capacity is shared."""
+        _, found = self.readings([0, 5, 7, 12, 14, 31], [0.5, 0.498, NO, 0.482, 0.482, 0.468])
+        expected = np.array([[8.5, 0.0, 0.0], [1.5, 10.0, 2.5]]) / [[8.5], [14.0]]
+        hours = np.array([8.5, 14.0]) / 3600.0
+        power = np.array([200.0, 300.0]) / hours
         assert found.weights == pytest.approx(expected, **EXACT)
-        assert found.power_w == pytest.approx(320.0 / hours, **EXACT)
-        assert found.variance_w2 == pytest.approx((100.0**2 / 6.0 + 9.6**2) / hours**2, **EXACT)
+        assert found.power_w == pytest.approx(power, **EXACT)
+        errors = np.diag(80.0**2 / 6.0 / hours**2) + 0.03**2 * np.outer(power, power)
+        assert found.covariance_w2 == pytest.approx(errors, **EXACT)
         assert (found.mean_of(np.eye(3)) > 0.0).any(axis=0).tolist() == [True, True, True]
 
     def test_charging(self) -> None:
         _, found = self.readings([0, 2, 4, 6], [0.5, 0.51, 0.52, 0.54])
-        assert found.power_w == pytest.approx([-800.0 * 600.0], **EXACT)
+        assert found.power_w == pytest.approx([-600.0 * 720.0], **EXACT)
         assert (found.mean_of(np.eye(3)) > 0.0).any(axis=0).tolist() == [True, False, False]
 
     @pytest.mark.parametrize("soc", [[0.5, 0.5, 0.5], [0.5, 0.4, 0.4], [0.5, 0.49, 0.48]])
     def test_fewer_than_three_steps_show_nothing(self, soc) -> None:
         _, found = self.readings([0, 10, 20], soc)
         assert found.weights.shape == (0, 3)
-        assert len(found.power_w) == len(found.variance_w2) == 0
+        assert len(found.power_w) == len(found.covariance_w2) == 0
 
-    def test_a_step_after_a_long_constant_counts_from_its_first_reading(self) -> None:
-        """A mark is the first reading of a value: at 10 s, not at 9 s."""
-        _, found = self.readings([0, 9, 10, 20], [0.5, 0.5, 0.47, 0.46])
-        assert found.weights == pytest.approx(np.array([[1.0, 0.0, 0.0]]), **EXACT)
-        assert found.power_w == pytest.approx([600.0 * 360.0], **EXACT)
+    def test_a_full_display_counts_from_its_first_change(self) -> None:
+        """From 0.995 half way between 9 and 10 s to 0.965 at 25 s: 480 Wh."""
+        log = {
+            "time_s": [0.0, 9.0, 10.0, 15.0, 20.0, 30.0],
+            "displayed_soc": [1.0, 1.0, 0.99, 0.98, 0.97, 0.96],
+        }
+        _, found = read(pd.DataFrame(log))
+        assert found.weights == pytest.approx(np.array([[0.5, 10.0, 5.0]]) / 15.5, **EXACT)
+        assert found.power_w == pytest.approx([480.0 * 3600.0 / 15.5], **EXACT)
 
     def test_displayed_charge(self) -> None:
-        log = pd.DataFrame({"time_s": [0.0, 10.0, 20.0, 30.0], "displayed_soc": [0.5, 0.45, 0.4, NO]})
-        log["displayed_soc"] = [0.5, 0.45, 0.4, 0.35]
+        log = pd.DataFrame({"time_s": [0.0, 10.0, 20.0, 30.0], "displayed_soc": [0.5, 0.45, 0.4, 0.35]})
         measured, found = read(log)
-        assert found.power_w == pytest.approx([0.12 * WH_PER_SOC * 120.0], **EXACT)
+        assert found.power_w == pytest.approx([0.125 * 16_000.0 * 144.0], **EXACT)
         assert measured.anchor == ChargeReading(30.0, 0.35, True)
 
     def test_both(self) -> None:

@@ -72,7 +72,7 @@ def test_measured_power_of_segments(seed, n, share, gaps, without, component):
     # what was measured as a whole takes no part any more
     open_hours[seen] = 0.0
     same(found, expected, open_hours)
-    same(prior.averaged(np.eye(n)[seen], power, variance), expected, open_hours)
+    same(prior.averaged(np.eye(n)[seen], power, np.diag(variance)), expected, open_hours)
 
 
 @pytest.mark.parametrize("n", [3, 64, 65, 200])
@@ -85,7 +85,7 @@ def test_means_over_several_segments(n):
     power, variance = rng.normal(0, 900, len(weights)), rng.uniform(1e3, 1e5, len(weights))
     prior = PROCESS.prior(segments)
     expected = DensePower.from_covariance(covariance(PROCESS, segments)).given(weights, power, variance)
-    same(prior.averaged(weights, power, variance), expected, segments.hours)
+    same(prior.averaged(weights, power, np.diag(variance)), expected, segments.hours)
 
 
 @pytest.mark.parametrize("component", ["joint", "drive", "climate"])

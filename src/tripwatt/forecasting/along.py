@@ -223,6 +223,7 @@ class Along:
         )
         charge_sd_wh = self.charge_sd * wh
         share = np.divide(sd_wh, charge_sd_wh, out=np.ones(len(sd_wh)), where=charge_sd_wh > 0.0)
+        share = np.minimum(share, 1.0)  # the charge was read later than the energy was measured
         both = share * normal + np.sqrt(np.maximum(1.0 - share**2, 0.0)) * own
         taken_wh = self.excess.draws(both, charge_sd_wh, scenario)
         return energy_wh, np.clip(self.charge - taken_wh / wh, 0.0, 1.0)

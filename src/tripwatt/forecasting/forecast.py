@@ -175,8 +175,7 @@ class Forecast:
         drive, measured, scale = self.drive, self.measured, self.charge
         hours = self.open_hours
         time_s = running_sum(drive.table.hours) * SECONDS_PER_HOUR
-        own_sd = self.sd_factor * self.rest_sd_factor * self.posterior.sd_wh(hours)
-        sd_wh = np.concatenate(([0.0], np.hypot(own_sd, _remaining_sd_wh(self))))
+        sd_wh, charge_sd_wh = self._sd_wh(hours), self._sd_wh(_unread_hours(self))
         climb = None if self.climbing is None else self.climbing.ahead(self._climbs_from_m)
         excess = Excess.from_climb(self.uncertainty.scores, climb, sd_wh)
         energy, least = self.power_w * hours, drive.min_w * hours
@@ -198,10 +197,20 @@ class Forecast:
             min_wh,
             excess,
             np.asarray(scale.left(start.soc, taken_wh, start.displayed)),
-            np.hypot(sd_wh / scale.wh_per_display, own_sd),
+            np.hypot(charge_sd_wh / scale.wh_per_display, own_sd),
             scale.wh_per_display,
             start.time_s,
         )
+
+    def _sd_wh(self, hours: FloatArray) -> FloatArray:
+        """Standard deviation of the energy over hours of the segments, at the edges [Wh], shape (edges,)."""
+        return np.concatenate(([0.0], np.hypot(self._own_sd_wh(hours), _remaining_sd_wh(self))))
+
+    def _own_sd_wh(self, hours: FloatArray) -> FloatArray:
+        """The part of `_sd_wh` by the residual power; `rest_sd_factor` widens what is still to come, shape (segments,)."""
+        now_wh, rest_wh = self.posterior.sd_wh(hours), self.posterior.sd_wh(_unread_hours(self))
+        variance = now_wh**2 + (self.rest_sd_factor**2 - 1.0) * rest_wh**2
+        return self.sd_factor * np.sqrt(np.maximum(variance, 0.0))
 
     @property
     def arrival(self) -> Arrival:
@@ -306,7 +315,8 @@ class Forecast:
         error_wh = rng.multivariate_normal(
             np.zeros(len(hours)), covariance, n, check_valid="ignore", method="eigh"
         )
-        error_wh *= self.sd_factor * self.rest_sd_factor
+        own_wh = self.posterior.sd_wh(hours)
+        error_wh *= np.divide(self._own_sd_wh(hours), own_wh, out=np.zeros(len(hours)), where=own_wh > 0.0)
         error_wh += rng.standard_normal((n, 1)) * _remaining_sd_wh(self)
         sd_wh, normal = along.energy_sd_wh[1:], np.zeros((n, len(along.time_s)))
         np.divide(error_wh, sd_wh, out=normal[:, 1:], where=sd_wh > 0.0)
@@ -712,15 +722,19 @@ def updated(forecast: Forecast, observed: Columns) -> Forecast:
     drive, uncertainty = forecast.drive, forecast.uncertainty
     samples = checked_samples(observed, forecast.plan)
     raise_faults(implausible_faults(observed, drive))
-    measured, readings = read_measured(samples, drive, uncertainty.process)
+    measured, readings = read_measured(samples, drive, uncertainty.process, forecast.charge)
     anchor, flags = measured.anchor, [flag for flag in forecast.flags if flag.code != "charge_contradicted"]
     wh_per_charge = forecast.charge.wh_per_display if anchor and anchor.displayed else battery_wh(drive)
     if contradicts_energy(anchor, samples, wh_per_charge):
         measured = replace(measured, anchor=None)
         flags.append(Flag("charge_contradicted", "displayed_soc", anchor.value if anchor else None, "1"))
-    forecast = replace(forecast, flags=tuple(flags))
     posterior, factor = updated_power(drive, uncertainty, samples, measured, readings)
-    return with_empty_flag(replace(forecast, posterior=posterior, rest_sd_factor=factor, measured=measured))
+    forecast = replace(forecast, flags=tuple(flags), posterior=posterior, measured=measured)
+    powers = uncertainty.process.prior(drive.segments), posterior
+    before, after = (float(power.sd_wh(_unread_hours(forecast))[-1]) for power in powers)
+    # held-out trips that are read less exactly than these were must not widen the rest beyond what was unknown at departure
+    factor = min(factor, before / after) if after > 0.0 else factor
+    return with_empty_flag(replace(forecast, rest_sd_factor=factor))
 
 
 def with_empty_flag(forecast: Forecast) -> Forecast:
@@ -752,17 +766,22 @@ def _shared(forecast: Forecast, climate_wh: float) -> Shared:
     )
 
 
+def _unread_hours(forecast: Forecast) -> FloatArray:
+    """Part of each segment that was not measured, nor driven before the last reading of the charge [h], shape (segments,)."""
+    ahead, anchor = forecast.open_hours, forecast.measured.anchor
+    if forecast.measured.hours is not None or anchor is None:
+        return ahead
+    step_s = forecast.drive.segments.step_s
+    return np.asarray(ahead * np.clip((forecast.drive.edges_s[1:] - anchor.time_s) / step_s, 0.0, 1.0))
+
+
 def _remaining_sd_wh(forecast: Forecast) -> FloatArray:
     """Standard deviation due to route and unknown state up to each segment's end [Wh], shape (segments,).
 
     It grows with the time that was not measured; the errors of the segments are fully correlated.
     """
-    ahead, anchor = forecast.open_hours, forecast.measured.anchor
-    if forecast.measured.hours is None and anchor is not None:  # the state of charge was read up to here
-        step_s = forecast.drive.segments.step_s
-        ahead = ahead * np.clip((forecast.drive.edges_s[1:] - anchor.time_s) / step_s, 0.0, 1.0)
     trip_sd_wh = np.hypot(forecast.route_sd_wh, forecast.state_sd_wh)
-    return np.asarray(trip_sd_wh * np.cumsum(ahead) / forecast.drive.table.hours.sum())
+    return np.asarray(trip_sd_wh * np.cumsum(_unread_hours(forecast)) / forecast.drive.table.hours.sum())
 
 
 def _forecast_document(

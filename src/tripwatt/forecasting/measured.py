@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Final
@@ -26,10 +25,9 @@ from tripwatt.trips import (
 )
 from tripwatt.trips.inertia import WRONG_SIGN, apparent_mass
 from tripwatt.uncertainty import PowerPrior, ResidualPower
-from tripwatt.uncertainty.charge import CAPACITY_SD
+from tripwatt.uncertainty.charge import CAPACITY_SD, FULL, ChargeScale
 from tripwatt.uncertainty.process import EXACT_W2, ResidualProcess
 from tripwatt.units import SECONDS_PER_HOUR
-from tripwatt.vehicles.parts import Battery
 
 WHERE: Final = "observed samples"
 """Place that messages name for a fault of samples that were measured on the way."""
@@ -38,6 +36,8 @@ GAP_S: Final = 15.0
 """Longest gap between two samples that counts as measured [s]."""
 SOC_STEP: Final = 0.005
 """Finest resolution that is assumed of a logged state of charge."""
+MARK_STEPS: Final = 2.25
+"""Steps of the resolution between two readings that are used: two and a half from the middle of the first step, else three."""
 MAX_STRETCH: Final = 1.5
 """On a planned route, the power of a segment that took longer than this many times its planned time is not used."""
 MIN_COVER: Final = 0.8
@@ -109,14 +109,16 @@ class SegmentReadings:
         """Mask of the segments, of n, that any reading covers at least in part."""
         return np.isin(np.arange(n), self.seen)
 
-    def condition(self, prior: PowerPrior, power_w: FloatArray, variance_w2: FloatArray) -> ResidualPower:
-        """Posterior of the residual power, given values of the readings and the variances of their errors."""
-        return prior.measured(self.seen, power_w, variance_w2)
+    def condition(self, prior: PowerPrior, power_w: FloatArray, exact: bool = False) -> ResidualPower:
+        """Posterior of the residual power, given values of the readings with their errors or, if exact, with nearly none."""
+        return prior.measured(
+            self.seen, power_w, np.full(len(power_w), EXACT_W2) if exact else self.variance_w2
+        )
 
 
 @dataclass(frozen=True, eq=False)
 class SpanReadings:
-    """Mean powers between readings of the state of charge, with independent errors.
+    """Mean powers between readings of the state of charge, whose errors share that of the capacity.
 
     Attributes
     ----------
@@ -124,13 +126,13 @@ class SpanReadings:
         Share of each segment in the time that a reading covers.
     power_w : ndarray, shape (readings,)
         Mean power [W].
-    variance_w2 : ndarray, shape (readings,)
-        Variance of its error [W²].
+    covariance_w2 : ndarray, shape (readings, readings)
+        Covariance of their errors [W²].
     """
 
     weights: FloatArray
     power_w: FloatArray
-    variance_w2: FloatArray
+    covariance_w2: FloatArray
 
     def mean_of(self, values: FloatArray) -> FloatArray:
         """See `SegmentReadings.mean_of`."""
@@ -140,9 +142,10 @@ class SpanReadings:
         """See `SegmentReadings.touches`."""
         return np.asarray((self.weights > 0.0).any(axis=0))
 
-    def condition(self, prior: PowerPrior, power_w: FloatArray, variance_w2: FloatArray) -> ResidualPower:
+    def condition(self, prior: PowerPrior, power_w: FloatArray, exact: bool = False) -> ResidualPower:
         """See `SegmentReadings.condition`."""
-        return prior.averaged(self.weights, power_w, variance_w2)
+        errors_w2 = EXACT_W2 * np.eye(len(power_w)) if exact else self.covariance_w2
+        return prior.averaged(self.weights, power_w, errors_w2)
 
 
 PowerReadings = SegmentReadings | SpanReadings
@@ -181,7 +184,7 @@ def checked_samples(columns: Columns, plan: Plan) -> Columns:
 
 
 def read_measured(
-    samples: Columns, drive: ExpectedTrip, process: ResidualProcess
+    samples: Columns, drive: ExpectedTrip, process: ResidualProcess, scale: ChargeScale
 ) -> tuple[Measured, PowerReadings]:
     """Read energy, state of charge and mean powers from samples. O(samples), or O(segments x readings) for a state of charge.
 
@@ -191,7 +194,6 @@ def read_measured(
         If the samples have neither energy nor a state of charge.
     """
     time = samples["time_s"]
-    soc = _measured_soc(samples, drive.vehicle.battery)
     anchor = _last_reading(samples, time)
     cumulative = measured_energy(samples)
     if cumulative is not None:
@@ -199,8 +201,10 @@ def read_measured(
         energy, hours = _by_segment(cumulative, time, drive)
         driven_s = np.interp(drive.edges_s, time, samples[DRIVEN_S]) if DRIVEN_S in samples else None
         return Measured(until, energy, hours, anchor), _from_power(energy, hours, drive, process, driven_s)
-    if soc is not None:
-        return Measured(float(time[-1]), anchor=anchor), _from_soc(time, soc, drive)
+    if anchor is not None:
+        managed = np.isfinite(samples["soc"]).any() if "soc" in samples else False
+        shown = scale.displayed(samples["soc"]) if managed else samples["displayed_soc"]
+        return Measured(float(time[-1]), anchor=anchor), _from_charge(time, shown, drive, scale)
     where = f"columns {sorted(samples)}"
     raise InvalidInput.of("no measured energy", WHERE, where, "voltage_v and current_a, or soc")
 
@@ -213,14 +217,6 @@ def _last_reading(samples: Columns, time: FloatArray) -> ChargeReading | None:
             ends = ((float(time[at]), float(samples[name][at])) for at in known[[0, -1]])
             first, last = (ChargeReading(*end, displayed=name == "displayed_soc") for end in ends)
             return replace(last, first=first)
-    return None
-
-
-def _measured_soc(samples: Columns, battery: Battery) -> FloatArray | None:
-    if "soc" in samples and np.isfinite(samples["soc"]).any():
-        return samples["soc"]
-    if "displayed_soc" in samples and np.isfinite(samples["displayed_soc"]).any():
-        return battery.soc_from_displayed(samples["displayed_soc"])
     return None
 
 
@@ -267,30 +263,34 @@ def _from_power(
     return SegmentReadings(seen, energy_wh[seen] / hours[seen], variance)
 
 
-def _from_soc(time_s: FloatArray, soc: FloatArray, drive: ExpectedTrip) -> SpanReadings:
-    """Mean power between readings of the state of charge that differ by at least three steps of its resolution."""
-    known = np.isfinite(soc)
-    time_s, soc = time_s[known], soc[known]
-    changes = np.unique(np.concatenate(([0], np.flatnonzero(np.diff(soc) != 0) + 1)))
-    resolution = max(float(np.min(np.abs(np.diff(soc[changes])))) if len(changes) > 1 else SOC_STEP, SOC_STEP)
+def _from_charge(
+    time_s: FloatArray, shown: FloatArray, drive: ExpectedTrip, scale: ChargeScale
+) -> SpanReadings:
+    """Mean power between readings of the displayed charge that differ by `MARK_STEPS` of its resolution or more.
+
+    The first reading is the middle of its step. All others are changes, half way between two steps and two samples. A full display
+    hides charge, so a first reading that is full does not count.
+    """
+    known = np.isfinite(shown)
+    time_s, shown = time_s[known], shown[known]
+    at = np.flatnonzero(np.diff(shown) != 0)
+    step = max(float(np.abs(np.diff(shown)[at]).min()), SOC_STEP) if len(at) else SOC_STEP
+    first = 0 if shown[0] < FULL else 1
+    times_s, levels = (np.concatenate(([v[0]], (v[at] + v[at + 1]) / 2.0))[first:] for v in (time_s, shown))
     marks = [0]
-    for k in changes[1:]:
-        if abs(soc[k] - soc[marks[-1]]) >= 3.0 * resolution:
-            marks.append(int(k))
+    for k, level in enumerate(levels.tolist()):
+        if abs(level - levels[marks[-1]]) >= MARK_STEPS * step:
+            marks.append(k)
     if len(marks) < 2:
-        empty = np.empty(0)
-        return SpanReadings(np.empty((0, len(drive.segments))), empty, empty)
-    edges = _edges_to(drive, float(time_s[-1]))
-    weights, power, variance = [], [], []
-    for a, b in itertools.pairwise(marks):
-        inside = np.clip(np.minimum(edges[1:], time_s[b]) - np.maximum(edges[:-1], time_s[a]), 0.0, None)
-        hours = (time_s[b] - time_s[a]) / SECONDS_PER_HOUR
-        taken = (soc[a] - soc[b]) * drive.wh_per_soc
-        error_wh2 = (resolution * drive.wh_per_soc) ** 2 / 6.0 + (CAPACITY_SD * taken) ** 2
-        weights.append(inside / (time_s[b] - time_s[a]))
-        power.append(taken / hours)
-        variance.append(error_wh2 / hours**2)
-    return SpanReadings(np.array(weights), np.array(power), np.array(variance))
+        return SpanReadings(np.empty((0, len(drive.segments))), np.empty(0), np.empty((0, 0)))
+    start_s, end_s = times_s[marks[:-1], None], times_s[marks[1:], None]
+    edges, seconds = _edges_to(drive, float(time_s[-1])), end_s - start_s
+    inside = np.clip(np.minimum(edges[1:], end_s) - np.maximum(edges[:-1], start_s), 0.0, None)
+    hours = seconds[:, 0] / SECONDS_PER_HOUR
+    power = -np.diff(levels[marks]) * scale.wh_per_display / hours
+    step_w2 = (step * scale.wh_per_display / hours) ** 2 / 6.0
+    errors_w2 = np.diag(step_w2) + CAPACITY_SD**2 * np.outer(power, power)
+    return SpanReadings(inside / seconds, power, errors_w2)
 
 
 def since_departure(observed: Columns, plan: Plan) -> Columns:

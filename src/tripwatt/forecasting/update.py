@@ -9,7 +9,6 @@ from tripwatt.forecasting.measured import Columns, Measured, PowerReadings
 from tripwatt.hybrid.climate_log import TOLD_BY, logged_climate
 from tripwatt.trips import table_of
 from tripwatt.uncertainty import ResidualPower, UncertaintyModel
-from tripwatt.uncertainty.process import EXACT_W2
 from tripwatt.uncertainty.residual_power import PowerSum
 from tripwatt.uncertainty.shrinkage import is_off
 
@@ -37,12 +36,11 @@ def updated_power(
     needed = readings.touches(len(segments))
     expected = None if logged is None else drive.climate_w
     if logged is None or expected is None or not np.isfinite(logged[needed]).all():
-        joint = readings.condition(process.prior(segments), residual, readings.variance_w2)
+        joint = readings.condition(process.prior(segments), residual)
         return shrinkage.applied("joint", joint, ahead, fraction), shrinkage.sd_factor(False, fraction)
     seen = readings.mean_of(np.nan_to_num(logged - expected))
-    exact = np.full(len(seen), EXACT_W2)
-    climate = readings.condition(process.prior(segments, "climate"), process.limited(seen), exact)
-    driving = readings.condition(process.prior(segments, "drive"), residual - seen, readings.variance_w2)
+    climate = readings.condition(process.prior(segments, "climate"), process.limited(seen), exact=True)
+    driving = readings.condition(process.prior(segments, "drive"), residual - seen)
     if is_off(logged[needed], segments.step_s[needed]):
         off = PowerSum((climate,), np.where(ahead, -expected, climate.mean_w))
         climate = shrinkage.applied("off", off, ahead, fraction)

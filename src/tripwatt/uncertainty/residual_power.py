@@ -82,7 +82,7 @@ class PowerPrior:
     >>> after = prior.measured(np.array([0]), np.array([50.0]), np.array([25.0]))
     >>> after.mean_w.round(1).tolist()
     [49.9, 48.0]
-    >>> prior.averaged(np.full((1, 2), 0.5), np.array([50.0]), np.array([25.0])).mean_w.round(1).tolist()
+    >>> prior.averaged(np.full((1, 2), 0.5), np.array([50.0]), np.array([[25.0]])).mean_w.round(1).tolist()
     [49.9, 49.9]
     """
 
@@ -241,17 +241,17 @@ class PowerPrior:
             mean[ahead] += _carried(self, drift, last)[ahead] * drift_values[last, j]
         return MeasuredPower(self, is_seen, error_w2, mean, solve, X, covariance)
 
-    def averaged(self, weights: FloatArray, power_w: FloatArray, variance_w2: FloatArray) -> AveragedPower:
+    def averaged(self, weights: FloatArray, power_w: FloatArray, errors_w2: FloatArray) -> AveragedPower:
         """Condition the distribution on measured means over segments. O(segments x readings²).
 
         Parameters
         ----------
         weights : ndarray, shape (readings, segments)
-            Weights of the segments in each reading, which is ``weights @ residual power`` plus an independent error.
+            Weights of the segments in each reading, which is ``weights @ residual power`` plus an error.
         power_w : ndarray, shape (readings,)
             Measured means of residual power [W].
-        variance_w2 : ndarray, shape (readings,)
-            Variance of the error of each reading [W²].
+        errors_w2 : ndarray, shape (readings, readings)
+            Covariance of the errors of the readings [W²].
 
         Returns
         -------
@@ -261,7 +261,7 @@ class PowerPrior:
         from scipy.linalg import solve_triangular
 
         cross = self.times(np.ascontiguousarray(weights.T))
-        total = weights @ cross + np.diag(variance_w2)
+        total = weights @ cross + errors_w2
         lower = np.linalg.cholesky(total)
         factor = solve_triangular(lower, cross.T, lower=True).T
         return AveragedPower(self, factor @ solve_triangular(lower, power_w, lower=True), factor)
