@@ -8,7 +8,7 @@ import { PERCENT } from "../model/units";
 import { format, text } from "../state/preferences";
 import { axis, percent } from "./axes";
 import { type Mark, placeMarks } from "./marks";
-import { type Look, Plot } from "./plot";
+import { type ChartOptions, type Look, Plot } from "./plot";
 
 const COLUMNS = 18;
 const LARGEST_DOT = 19;
@@ -83,18 +83,14 @@ export function ArrivalChart({ forecast, shared, isOther = false, reserve, heigh
     () => dotsOf(forecast, shared, reserve),
     [forecast, shared.length, shared.at(-1), reserve],
   );
-  const options = ({ palette, width }: Look): uPlot.Options => {
+  const options = ({ palette, width }: Look): ChartOptions => {
     const size = dotSize(width, height, dots.stack);
     const series = (fill: string): uPlot.Series => ({
       paths: () => null,
       points: { show: true, size, fill, stroke: fill, width: 0 },
     });
     return {
-      width,
-      height,
       padding: [18, PADDING, 0, PADDING],
-      legend: { show: false },
-      cursor: { show: false },
       scales: {
         x: { time: false, range: (plot) => rangeOf(plot.data) },
         y: { range: () => [0, (height - FRAME_PX) / (size + 1)] },

@@ -2,7 +2,7 @@
 
 import type uPlot from "uplot";
 import { PERCENT } from "../model/units";
-import { format } from "../state/preferences";
+import { format, units } from "../state/preferences";
 import type { Palette } from "./palette";
 
 // eslint-disable-next-line page/text -- a font
@@ -10,6 +10,11 @@ const FONT = '12px "Inter Variable", system-ui, sans-serif';
 
 /** An invisible series: one edge of a band. */
 export const EDGE: uPlot.Series = { stroke: "transparent", width: 0, points: { show: false } };
+
+/** A line; `width` in pixels. */
+export function line(stroke: string, more: Partial<uPlot.Series> = {}): uPlot.Series {
+  return { stroke, width: 2.5, points: { show: false }, ...more };
+}
 
 interface AxisOptions {
   palette: Palette;
@@ -36,6 +41,11 @@ export function axis(of: AxisOptions): uPlot.Axis {
     ticks: { show: false },
     values: (_plot, splits) => splits.map(of.text),
   };
+}
+
+/** The axis of the distance along the way. */
+export function alongAxis(palette: Palette): uPlot.Axis {
+  return axis({ palette, scale: "x", grid: false, text: (x) => `${plain(x)} ${units.value.distance.unit}` });
 }
 
 /** A tick with at most two digits after the decimal sign. */

@@ -10,11 +10,11 @@ import { answer, chargingPlan } from "../state/answer";
 import { conditions } from "../state/conditions";
 import { shownForecast, distanceM, driving, update } from "../state/drive";
 import { alternative, departure } from "../state/forecast";
-import { selectedM, positionM } from "../state/position";
+import { positionM } from "../state/position";
 import { format, text, units, wholeBattery } from "../state/preferences";
-import { axis, EDGE, percent } from "./axes";
+import { axis, EDGE, line, percent } from "./axes";
 import { type Mark, placeMarks, pointerCursor } from "./marks";
-import { type Look, Plot } from "./plot";
+import { type ChartOptions, type Look, Plot } from "./plot";
 
 const MIN_SPAN = 20;
 const STEP = 5;
@@ -93,21 +93,10 @@ const span = computed<[number, number]>(() => {
 /** A new array when the columns or the range change, so that the chart is drawn again. */
 const data = computed<uPlot.AlignedData>(() => (span.value ? [...columns.value] : [[]]));
 
-function options({ palette, width, height }: Look): uPlot.Options {
-  const line = (stroke: string, more: Partial<uPlot.Series> = {}): uPlot.Series => ({
-    stroke,
-    width: 2.5,
-    points: { show: false },
-    ...more,
-  });
+function options({ palette }: Look): ChartOptions {
   return {
-    width,
-    height,
     padding: [12, 46, 0, 0],
-    legend: { show: false },
-    cursor: pointerCursor((x) => {
-      selectedM.value = x === null ? null : units.value.distance.to(x);
-    }),
+    cursor: pointerCursor(),
     scales: { x: { time: false }, y: { range: () => span.value } },
     axes: [
       { ...axis({ palette, scale: "x", grid: false, text: () => "" }), size: 10 },

@@ -6,9 +6,9 @@ import type { LiveForecast } from "../api/documents";
 import { interpolate } from "../model/interpolate";
 import { PERCENT } from "../model/units";
 import { format, system, text, units } from "../state/preferences";
-import { axis, EDGE, percent, plain } from "./axes";
+import { alongAxis, axis, EDGE, line, percent } from "./axes";
 import { type Mark, placeMarks } from "./marks";
-import { type Look, Plot } from "./plot";
+import { type ChartOptions, type Look, Plot } from "./plot";
 
 const MARGIN = 3;
 
@@ -52,28 +52,21 @@ function spanOf(low: number | null, high: number | null, reserve: number): [numb
 
 export function CourseChart({ of, carM, height, label, isNight }: Props) {
   const data = useMemo(() => columnsOf(of, carM), [of, carM, system.value]);
-  const options = ({ palette, width }: Look): uPlot.Options => ({
-    width,
-    height,
+  const options = ({ palette }: Look): ChartOptions => ({
     padding: [12, 26, 0, 0],
-    legend: { show: false },
-    cursor: { show: false },
     scales: {
       x: { time: false },
       y: { range: (_plot, low, high) => spanOf(low, high, PERCENT.from(of.reserve)) },
     },
-    axes: [
-      axis({ palette, scale: "x", grid: false, text: (x) => `${plain(x)} ${units.value.distance.unit}` }),
-      axis({ palette, scale: "y", text: percent, space: 28 }),
-    ],
+    axes: [alongAxis(palette), axis({ palette, scale: "y", text: percent, space: 28 })],
     bands: [{ series: [1, 2], fill: palette["main-band"] }],
     series: [
       {},
       EDGE,
       EDGE,
-      { stroke: palette.muted, width: 2, dash: [2, 5], points: { show: false } },
-      { stroke: palette.main, width: 3, points: { show: false } },
-      { stroke: palette.driven, width: 4, points: { show: false } },
+      line(palette.muted, { width: 2, dash: [2, 5] }),
+      line(palette.main, { width: 3 }),
+      line(palette.driven, { width: 4 }),
     ],
   });
   return (

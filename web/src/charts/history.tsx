@@ -6,9 +6,9 @@ import { PERCENT } from "../model/units";
 import { shownForecast, arrived, history } from "../state/drive";
 import { lengthM } from "../state/position";
 import { format, text, units } from "../state/preferences";
-import { axis, EDGE, percent, plain } from "./axes";
+import { alongAxis, axis, EDGE, line, percent } from "./axes";
 import { type Mark, placeMarks } from "./marks";
-import { type Look, Plot } from "./plot";
+import { type ChartOptions, type Look, Plot } from "./plot";
 
 const MIN_SPAN = 8;
 /** The range does not follow the naive gauge further than this [%]: its first values are far off. */
@@ -40,29 +40,16 @@ const span = computed<[number, number]>(() => {
   return [low - more, high + more];
 });
 
-function options({ palette, width, height }: Look): uPlot.Options {
+function options({ palette }: Look): ChartOptions {
   return {
-    width,
-    height,
     padding: [12, 16, 0, 0],
-    legend: { show: false },
-    cursor: { show: false },
     scales: {
       x: { time: false, range: () => [0, units.value.distance.from(lengthM.value) || 1] },
       y: { range: () => span.value },
     },
-    axes: [
-      axis({ palette, scale: "x", grid: false, text: (x) => `${plain(x)} ${units.value.distance.unit}` }),
-      axis({ palette, scale: "y", text: percent }),
-    ],
+    axes: [alongAxis(palette), axis({ palette, scale: "y", text: percent })],
     bands: [{ series: [1, 2], fill: palette["main-band"] }],
-    series: [
-      {},
-      EDGE,
-      EDGE,
-      { stroke: palette.other, width: 2, dash: [8, 5], points: { show: false } },
-      { stroke: palette.main, width: 2.5, points: { show: false } },
-    ],
+    series: [{}, EDGE, EDGE, line(palette.other, { width: 2, dash: [8, 5] }), line(palette.main)],
   };
 }
 

@@ -1,6 +1,8 @@
 /** Labels and lines on top of a chart, as elements of the document: styled by CSS, readable by tests and assistive tools. */
 
 import type uPlot from "uplot";
+import { selectedM } from "../state/position";
+import { units } from "../state/preferences";
 
 export interface Mark {
   /** Its class is `mark mark-<kind>`. */
@@ -32,8 +34,8 @@ export function placeMarks(plot: uPlot, marks: Mark[]): void {
   }
 }
 
-/** A cursor that follows the pointer; `onPoint` is called with the position in units of the chart, null for none. */
-export function pointerCursor(onPoint: (x: number | null) => void): uPlot.Cursor {
+/** A cursor that follows the pointer, whose position along the way it selects. */
+export function pointerCursor(): uPlot.Cursor {
   return {
     y: false,
     points: { show: false },
@@ -41,13 +43,13 @@ export function pointerCursor(onPoint: (x: number | null) => void): uPlot.Cursor
     bind: {
       mousemove: (plot, _target, handle) => (event) => {
         handle(event);
-        const x = plot.posToVal(plot.cursor.left ?? -1, "x");
-        onPoint((plot.cursor.left ?? -1) >= 0 ? x : null);
+        const left = plot.cursor.left ?? -1;
+        selectedM.value = left >= 0 ? units.value.distance.to(plot.posToVal(left, "x")) : null;
         return null;
       },
       mouseleave: (_plot, _target, handle) => (event) => {
         handle(event);
-        onPoint(null);
+        selectedM.value = null;
         return null;
       },
     },

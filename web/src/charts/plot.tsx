@@ -9,8 +9,9 @@ import { type Palette, paletteFrom } from "./palette";
 export interface Look {
   palette: Palette;
   width: number;
-  height: number;
 }
+
+export type ChartOptions = Omit<uPlot.Options, "width" | "height">;
 
 interface Props {
   /** Text alternative of the chart. */
@@ -18,7 +19,7 @@ interface Props {
   data: uPlot.AlignedData;
   height: number;
   /** Options of uPlot; evaluated again when theme, units or `variant` change. */
-  options: (look: Look) => uPlot.Options;
+  options: (look: Look) => ChartOptions;
   variant?: string;
   /** Position of the cursor on the x axis; null for none. */
   pointer?: number | null;
@@ -42,12 +43,10 @@ export function Plot({ label, data, height, options, variant = "", pointer = nul
   useLayoutEffect(() => {
     const element = box.current as HTMLDivElement;
     const width = () => Math.max(element.clientWidth, 120);
-    const uplotOptions = options({ palette: paletteFrom(element), width: width(), height });
-    const created = new uPlot(
-      { ...uplotOptions, hooks: { draw: [(drawing) => onTop.current(drawing)] } },
-      data,
-      element,
-    );
+    const shared = { width: width(), height, legend: { show: false }, cursor: { show: false } };
+    const own = options({ palette: paletteFrom(element), width: shared.width });
+    const hooks = { draw: [(drawing: uPlot) => onTop.current(drawing)] };
+    const created = new uPlot({ ...shared, ...own, hooks }, data, element);
     plot.current = created;
     shownData.current = data;
     const watcher = new ResizeObserver(() => {

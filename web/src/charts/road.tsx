@@ -3,11 +3,11 @@
 import { computed } from "@preact/signals";
 import type uPlot from "uplot";
 import { shownProfile } from "../state/drive";
-import { selectedM, positionM } from "../state/position";
+import { positionM } from "../state/position";
 import { units } from "../state/preferences";
-import { axis, plain } from "./axes";
+import { alongAxis, axis, line, plain } from "./axes";
 import { pointerCursor } from "./marks";
-import { type Look, Plot } from "./plot";
+import { type ChartOptions, type Look, Plot } from "./plot";
 
 const MIN_HEIGHT_RANGE_M = 60;
 
@@ -31,34 +31,23 @@ function heights(_plot: uPlot, low: number | null, high: number | null): [number
 }
 
 function optionsFor(hilly: boolean) {
-  return ({ palette, width, height }: Look): uPlot.Options => ({
-    width,
-    height,
+  return ({ palette }: Look): ChartOptions => ({
     padding: [10, hilly ? 0 : 46, 0, 0],
-    legend: { show: false },
-    cursor: pointerCursor((x) => {
-      selectedM.value = x === null ? null : units.value.distance.to(x);
-    }),
+    cursor: pointerCursor(),
     scales: {
       x: { time: false },
       speed: { range: (_plot, _low, high) => [0, Math.max(high ?? 0, 10) * 1.1] },
       height: { range: heights },
     },
     axes: [
-      axis({ palette, scale: "x", grid: false, text: (x) => `${plain(x)} ${units.value.distance.unit}` }),
+      alongAxis(palette),
       axis({ palette, scale: "speed", text: plain, space: 30 }),
       { ...axis({ palette, scale: "height", side: 1, grid: false, text: plain, space: 30 }), show: hilly },
     ],
     series: [
       {},
-      { scale: "speed", stroke: palette.speed, width: 1.25, points: { show: false } },
-      {
-        scale: "height",
-        stroke: palette["ground-line"],
-        fill: palette.ground,
-        width: 1.25,
-        points: { show: false },
-      },
+      line(palette.speed, { scale: "speed", width: 1.25 }),
+      line(palette["ground-line"], { scale: "height", fill: palette.ground, width: 1.25 }),
     ],
   });
 }

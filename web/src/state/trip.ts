@@ -64,6 +64,20 @@ export interface Trip {
 
 const UNKNOWN: Profile = profileFromSamples({});
 
+/** A trip of which nothing is known. */
+const BARE = {
+  example: "",
+  vehicle: "",
+  title: "",
+  notes: [],
+  fixed: {},
+  links: null,
+  stops: null,
+  profile: UNKNOWN,
+  observed: null,
+  logged: {},
+};
+
 export const trip = signal<Trip | null>(null);
 
 function pick(columns: Columns, names: string[]): Columns {
@@ -73,14 +87,12 @@ function pick(columns: Columns, names: string[]): Columns {
 export function tripFromExample(example: Example): Trip {
   const { samples, ...known } = example.request;
   return {
+    ...BARE,
     example: example.trip,
     source: "examples",
     vehicle: example.car,
     title: example.title,
-    notes: [],
     fixed: { samples: samples as Samples },
-    links: null,
-    stops: null,
     profile: profileFromSamples(samples as Samples),
     observed: example.observed,
     logged: startTemperaturesFrom(known),
@@ -105,14 +117,12 @@ export function tripFromRoute(route: Route, title: string, source: Source): Trip
   const first = firstOf(route.samples);
   const measured = pick(route.samples, MEASURED);
   return {
-    example: "",
+    ...BARE,
     source,
-    vehicle: "",
     title,
     notes: route.notes,
     fixed: links ? { elevation: route.elevation } : { samples: pick(route.samples, ROAD) as Samples },
     links,
-    stops: null,
     profile: profileFromSamples(route.samples),
     observed: isMeasured(measured) ? measured : null,
     logged: startTemperaturesFrom(first),
@@ -123,18 +133,10 @@ export function tripFromRoute(route: Route, title: string, source: Source): Trip
 /** A trip of which only distance and kind of road are known; its links are assumed. */
 export function tripFromDistance(distanceM: number, kind: Kind): Trip {
   return {
-    example: "",
+    ...BARE,
     source: "distance",
-    vehicle: "",
-    title: "",
-    notes: [],
-    fixed: {},
     links: linksOfDistance(distanceM, kind),
-    stops: null,
     distance: { distanceM, kind },
-    profile: UNKNOWN,
-    observed: null,
-    logged: {},
     start: conditionsFrom({}, conditions.value),
   };
 }
@@ -161,20 +163,13 @@ export function tripFromStops(
 ): Trip {
   const names = stops.map(({ name }) => name);
   return {
-    example: "",
+    ...BARE,
     source: "journey",
-    vehicle: "",
     title: [...names, ...(isRound ? names.slice(0, 1) : [])].join(" – "),
-    notes: [],
-    fixed: {},
-    links: null,
     stops,
     isRound,
     choice,
     isDraft,
-    profile: UNKNOWN,
-    observed: null,
-    logged: {},
     start: conditionsFrom({}, conditions.value),
   };
 }
