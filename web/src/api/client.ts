@@ -1,18 +1,8 @@
 /** Requests to the service that served the page, and to no other host. */
 
 import { EventParser } from "../model/sse";
-import type {
-  ForecastRequest,
-  JourneyRequest,
-  LivePlanRequest,
-  LogsRequest,
-  Need,
-  NewCarRequest,
-  Problem,
-  ReachRequest,
-  Figures,
-} from "./documents";
-import type { paths, UpdateRequest } from "../../generated/types";
+import type { LivePlanRequest, LogsRequest, Need, Problem } from "./documents";
+import type { paths } from "../../generated/types";
 
 const TOKEN = "tripwatt.token";
 const MAX_ATTEMPTS = 3;
@@ -136,16 +126,22 @@ async function ask<M extends Method, P extends keyof paths>(
   return (await response.json()) as Answer<paths[P][M]>;
 }
 
+/** A request that sends a document. */
+const posting =
+  <P extends keyof paths>(template: P) =>
+  (body: Body<paths[P]["post"]>, signal?: AbortSignal) =>
+    ask("post", template, { body, signal });
+
 export const listModels = async () => (await ask("get", "/v1/models")).models;
 export const listVehicles = async () => (await ask("get", "/v1/vehicles")).vehicles;
 export const findVehicles = async (search: string, signal?: AbortSignal) =>
   (await ask("get", "/v1/vehicles", { query: { search }, signal })).vehicles;
-export const describeCar = (body: Figures) => ask("post", "/v1/vehicles", { body });
+export const describeCar = posting("/v1/vehicles");
 export const listExamples = async () => (await ask("get", "/v1/examples")).examples;
 export const loadExample = (trip: string) => ask("get", "/v1/examples/{trip}", { path: { trip } });
 
 export const listCars = async () => (await ask("get", "/v1/cars")).cars;
-export const createCar = (body: NewCarRequest) => ask("post", "/v1/cars", { body });
+export const createCar = posting("/v1/cars");
 export const getCar = (car: string) => ask("get", "/v1/cars/{car}", { path: { car } });
 export const forgetCar = (car: string) => ask("delete", "/v1/cars/{car}", { path: { car } });
 export const newCarToken = async (car: string) =>
@@ -180,11 +176,8 @@ export async function* listenTo(car: string, signal: AbortSignal): AsyncGenerato
   }
 }
 
-export const requestForecast = (body: ForecastRequest, signal?: AbortSignal) =>
-  ask("post", "/v1/forecast", { body, signal });
-
-export const requestUpdate = (body: UpdateRequest, signal?: AbortSignal) =>
-  ask("post", "/v1/forecast/update", { body, signal });
+export const requestForecast = posting("/v1/forecast");
+export const requestUpdate = posting("/v1/forecast/update");
 
 export const getMap = () => ask("get", "/v1/map");
 
@@ -192,26 +185,17 @@ export const getMap = () => ask("get", "/v1/map");
 export const findPlaces = async (words: string, signal?: AbortSignal) =>
   (await ask("get", "/v1/places", { query: { q: words, limit: 6 }, signal })).places;
 
-export const planJourney = (body: JourneyRequest, signal?: AbortSignal) =>
-  ask("post", "/v1/journeys", { body, signal });
+export const planJourney = posting("/v1/journeys");
 
 /** What one trip takes more than another one of the same car. */
-export const findDifference = (
-  body: { one: ForecastRequest; other: ForecastRequest },
-  signal?: AbortSignal,
-) => ask("post", "/v1/forecast/difference", { body, signal });
+export const findDifference = posting("/v1/forecast/difference");
 
 /** And of a road of two journeys, without their charging stops. */
-export const findJourneyDifference = (
-  body: { one: JourneyRequest; other: JourneyRequest; road: number },
-  signal?: AbortSignal,
-) => ask("post", "/v1/journeys/difference", { body, signal });
+export const findJourneyDifference = posting("/v1/journeys/difference");
 
 /** What to do about a trip, or about a journey. */
-export const findAdvice = (body: ForecastRequest, signal?: AbortSignal) =>
-  ask("post", "/v1/advice", { body, signal });
-export const findJourneyAdvice = (body: JourneyRequest, signal?: AbortSignal) =>
-  ask("post", "/v1/journeys/advice", { body, signal });
+export const findAdvice = posting("/v1/advice");
+export const findJourneyAdvice = posting("/v1/journeys/advice");
 
 type NeedQuery = OrNull<NonNullable<paths["/v1/need"]["get"]["parameters"]["query"]>>;
 type RangeQuery = OrNull<NonNullable<paths["/v1/range"]["get"]["parameters"]["query"]>>;
@@ -224,8 +208,7 @@ export const findNeed = async (query: NeedQuery, signal?: AbortSignal) =>
 export const findRange = (query: RangeQuery, signal?: AbortSignal) =>
   ask("get", "/v1/range", { query, signal });
 
-export const findReach = (body: ReachRequest, signal?: AbortSignal) =>
-  ask("post", "/v1/reachable", { body, signal });
+export const findReach = posting("/v1/reachable");
 
 /** Settlements and charging stations inside of south, west, north and east. */
 export const viewMap = (

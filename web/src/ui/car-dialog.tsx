@@ -5,15 +5,13 @@ import { car, chooseDescribed } from "../state/car";
 import { ENERGY, POWER, type Quantity } from "../model/units";
 import { format, text, units } from "../state/preferences";
 import { FaultList } from "./faults";
-import { Button, Submit, useModal } from "./parts";
+import { Button, put, Submit, submitting, useModal } from "./parts";
 import { Select } from "./select";
 
 const open = signal(false);
 const faults = signal<Fault[]>([]);
 
-export function openCarDialog(): void {
-  open.value = true;
-}
+export const openCarDialog = put(open, true);
 
 interface NumberOfCar {
   /** Name in the request. */
@@ -58,9 +56,7 @@ function figuresFrom(form: HTMLFormElement): Figures {
   return figures;
 }
 
-function close(): void {
-  open.value = false;
-}
+const close = put(open, false);
 
 /** Apart from the form, whose fields keep what was typed when the faults change. */
 function Faults() {
@@ -92,12 +88,7 @@ export function CarDialog() {
   };
   return (
     <dialog ref={dialog} aria-labelledby="own-car-title" onClose={close}>
-      <form
-        onSubmit={(event) => {
-          event.preventDefault();
-          void submit(event.currentTarget);
-        }}
-      >
+      <form onSubmit={submitting((form) => void submit(form))}>
         <h2 id="own-car-title">{words.title}</h2>
         <p class="note">{words.note}</p>
         {NUMBERS.map(({ name, label, quantity, scale, digits }) => {

@@ -24,7 +24,7 @@ import { osmKind } from "../state/messages";
 import { text } from "../state/preferences";
 import { Covers } from "./covers";
 import { FaultList } from "./faults";
-import { Button, IconButton, Submit, Tick } from "./parts";
+import { Button, IconButton, Submit, submitting, Tick } from "./parts";
 
 const PAUSE_MS = 120;
 // eslint-disable-next-line page/text -- names of keys
@@ -230,13 +230,7 @@ export function JourneyForm() {
   const { journey: words } = text.value;
   const isEmpty = fieldsOfJourney().some((field) => !placeOf(field) && !typed.value[field]?.trim());
   return (
-    <form
-      class="journey"
-      onSubmit={(event) => {
-        event.preventDefault();
-        void plan();
-      }}
-    >
+    <form class="journey" onSubmit={submitting(() => void plan())}>
       <PlaceField label={words.from} end="from" />
       {vias.value.map((_, k) => (
         <PlaceField key={k} label={words.via(k + 1)} end={`via${k}`} onRemove={() => removeVia(k)} />

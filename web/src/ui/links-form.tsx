@@ -4,7 +4,7 @@ import { sampleLinks } from "../model/sample-links";
 import { chooseRoute } from "../state/catalogue";
 import { text, units } from "../state/preferences";
 import { NumberField } from "./number-field";
-import { Button, Fold, Submit } from "./parts";
+import { Button, Fold, IconButton, Submit, submitting } from "./parts";
 
 const START_ROWS = 3;
 const LINKS_HINT = '[{"length_m": 1800, "speed_m_s": 8.5}, …]';
@@ -30,15 +30,14 @@ export function LinksForm() {
     <>
       <form
         class="links"
-        onSubmit={(event) => {
-          event.preventDefault();
+        onSubmit={submitting(() => {
           if (!isEmpty) return use(linksOfRows(rows, startM));
           const sample = sampleLinks();
           const { rows: next, startM: from } = rowsOfLinks(sample);
           setRows(next);
           setStart(from);
           use(sample);
-        }}
+        })}
       >
         <div class="inline">
           <NumberField label={words.start} value={startM} quantity={height} onChange={setStart} />
@@ -69,14 +68,11 @@ export function LinksForm() {
                     </td>
                   ))}
                   <td>
-                    <button
-                      type="button"
-                      class="quiet"
-                      aria-label={words.remove(k + 1)}
+                    <IconButton
+                      icon="close"
+                      label={words.remove(k + 1)}
                       onClick={() => setRows(rows.filter((_, other) => other !== k))}
-                    >
-                      ×
-                    </button>
+                    />
                   </td>
                 </tr>
               ))}
@@ -87,13 +83,7 @@ export function LinksForm() {
         <Submit label={isEmpty ? words.example : words.use} />
       </form>
       <Fold title={words.paste}>
-        <form
-          class="links"
-          onSubmit={(event) => {
-            event.preventDefault();
-            void chooseRoute(pasted, "", "links", 0);
-          }}
-        >
+        <form class="links" onSubmit={submitting(() => void chooseRoute(pasted, "", "links", 0))}>
           <label for={id}>{words.json}</label>
           <textarea
             id={id}

@@ -24,7 +24,7 @@ import { FaultList } from "./faults";
 import { OwnCarDiary } from "./own-car-diary";
 import { OwnCarLogs } from "./own-car-logs";
 import { ToPhone } from "./to-phone";
-import { Button, Fold, IconButton, put, Submit, useModal } from "./parts";
+import { Button, Fold, IconButton, put, Submit, submitting, useModal } from "./parts";
 
 function List() {
   const { ownCars: words } = text.value;
@@ -49,11 +49,10 @@ function NewCar() {
   const title = vehicle.value?.title ?? car.value?.title ?? "";
   return (
     <form
-      onSubmit={(event) => {
-        event.preventDefault();
-        const name = new FormData(event.currentTarget).get("name");
+      onSubmit={submitting((form) => {
+        const name = new FormData(form).get("name");
         void addCar(String(name ?? "").trim());
-      }}
+      })}
     >
       <h3>{words.newCar}</h3>
       <p class="note">{words.newCarNote(title)}</p>
@@ -153,9 +152,7 @@ export function OwnCarsDialog() {
   const dialog = useModal(isOpen.value);
   const { ownCars: words } = text.value;
   const now = shownCar.value;
-  const close = () => {
-    isOpen.value = false;
-  };
+  const close = put(isOpen, false);
   return (
     <dialog ref={dialog} class="wide" aria-labelledby="own-cars-title" onClose={close}>
       <div class="heading">

@@ -1,7 +1,7 @@
 /** Small parts that many cards and dialogs have. */
 
 import type { Signal } from "@preact/signals";
-import type { ButtonHTMLAttributes, ComponentChildren } from "preact";
+import type { ButtonHTMLAttributes, ComponentChildren, TargetedSubmitEvent } from "preact";
 import { useEffect, useRef } from "preact/hooks";
 import { Icon, type IconName } from "./icons";
 
@@ -16,6 +16,14 @@ export function into<T>(signal: Signal<T>): (value: T) => void {
 export function put<T>(signal: Signal<T>, value: T): () => void {
   return () => {
     signal.value = value;
+  };
+}
+
+/** A handler of a form that the page reads itself. */
+export function submitting(read: (form: HTMLFormElement) => void) {
+  return (event: TargetedSubmitEvent<HTMLFormElement>) => {
+    event.preventDefault();
+    read(event.currentTarget);
   };
 }
 

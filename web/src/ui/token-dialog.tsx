@@ -1,7 +1,7 @@
 import { signal } from "@preact/signals";
 import { setTokenProvider } from "../api/client";
 import { text } from "../state/preferences";
-import { Submit, useModal } from "./parts";
+import { Submit, submitting, useModal } from "./parts";
 
 interface TokenRequest {
   again: boolean;
@@ -29,12 +29,11 @@ export function TokenDialog() {
     <dialog ref={dialog} aria-labelledby="token-title" onCancel={(event) => event.preventDefault()}>
       <form
         method="dialog"
-        onSubmit={(event) => {
-          event.preventDefault();
-          const token = new FormData(event.currentTarget).get("token");
+        onSubmit={submitting((form) => {
+          const token = new FormData(form).get("token");
           pending.value = null;
           for (const resolve of now?.resolvers ?? []) resolve(String(token ?? "").trim());
-        }}
+        })}
       >
         <h2 id="token-title">{words.title}</h2>
         <p class="note">{words.note}</p>
