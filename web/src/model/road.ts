@@ -1,6 +1,6 @@
 /** The line of a road on the map: its parts by consumption, and places along it. */
 
-import type { ChargingPlan, Road } from "../api/documents";
+import type { ChargingPlan, Place, Road } from "../api/documents";
 import { interpolate } from "./interpolate";
 
 export type Level = "low" | "usual" | "high";
@@ -132,7 +132,7 @@ export function distanceNear(road: Line, [longitude, latitude]: Point): number {
 }
 
 /** Latitude and longitude as a person writes them; null for any other text. */
-export function readCoordinates(text: string): { latitude_deg: number; longitude_deg: number } | null {
+export function readCoordinates(text: string): Position | null {
   const match = /^\s*(-?\d{1,3}(?:\.\d+)?)\s*[,; ]\s*(-?\d{1,3}(?:\.\d+)?)\s*$/.exec(text);
   if (!match) return null;
   const [latitude, longitude] = [Number(match[1]), Number(match[2])];
@@ -142,10 +142,7 @@ export function readCoordinates(text: string): { latitude_deg: number; longitude
 
 const EARTH_M = 6_371_000;
 
-interface Position {
-  latitude_deg: number;
-  longitude_deg: number;
-}
+export type Position = Pick<Place, "latitude_deg" | "longitude_deg">;
 
 /** Distance of two places as the crow flies [m]. */
 export function metresBetween(one: Position, other: Position): number {

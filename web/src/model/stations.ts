@@ -1,7 +1,7 @@
 /** Charging stations that a driver chooses, avoids or prefers. */
 
 import type { Place, Station } from "../api/documents";
-import { metresBetween } from "./road";
+import { metresBetween, type Position } from "./road";
 
 /** Kind of a place on the way at which the car charges. */
 export const STATION_KIND = "charging_station";
@@ -14,8 +14,6 @@ export interface StationChoice {
 }
 
 export const NO_CHOICE: StationChoice = { avoid: [], networks: [] };
-
-type Position = Pick<Station, "latitude_deg" | "longitude_deg">;
 
 /** Two positions nearer than this are one station [m]. */
 const SAME_M = 30;

@@ -5,7 +5,8 @@ import { withOffset } from "../model/clock";
 import { type AskedName, CHOICES, NUMBERS, SEVERAL, type Value, valuesIn } from "../model/fields";
 
 /** Where the temperatures of cabin and battery at departure come from. */
-export type BeforeDeparture = "logged" | "parked" | "garage" | "unknown";
+export const BEFORE_DEPARTURE = ["parked", "garage", "logged", "unknown"] as const;
+export type BeforeDeparture = (typeof BEFORE_DEPARTURE)[number];
 
 /** Temperatures at the start of a log or an example. */
 export interface StartTemperatures {

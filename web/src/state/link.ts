@@ -8,7 +8,7 @@ import { type Kind, KINDS } from "../model/distance";
 import { changedFrom, changedText, figuresFrom, type LinkValue, placeFrom, placeText } from "../model/link";
 import { STATION_KIND, type StationChoice } from "../model/stations";
 import { type Car, car } from "./car";
-import { type BeforeDeparture, type Conditions, conditions, USUAL } from "./conditions";
+import { BEFORE_DEPARTURE, type Conditions, conditions, USUAL } from "./conditions";
 import { isExample } from "./journey";
 import { readStored, writeStored } from "./preferences";
 import { type Source, type Trip, trip } from "./trip";
@@ -39,8 +39,6 @@ function kindOf(name: string): "number" | "string" | "boolean" | "list" {
   return typeof usual === "number" || name === "motorwayMS" ? "number" : "string";
 }
 
-const BEFORE: BeforeDeparture[] = ["parked", "garage", "logged", "unknown"];
-
 /** Whether each choice is one of its field. */
 function checked(found: Conditions): Conditions {
   const next: Record<string, unknown> = { ...found };
@@ -51,7 +49,7 @@ function checked(found: Conditions): Conditions {
     if (typeof value === "string" && !choices.includes(value)) next[name] = USUAL[name as Names];
     if (Array.isArray(value)) next[name] = value.filter((one) => choices.includes(one as string));
   }
-  if (!BEFORE.includes(found.beforeDeparture)) next.beforeDeparture = USUAL.beforeDeparture;
+  if (!BEFORE_DEPARTURE.includes(found.beforeDeparture)) next.beforeDeparture = USUAL.beforeDeparture;
   return { ...(next as unknown as Conditions), departsAt: notPast(found.departsAt) };
 }
 

@@ -13,6 +13,7 @@ import {
 import { hasMotorway } from "../model/links";
 import {
   ASKED,
+  BEFORE_DEPARTURE,
   type BeforeDeparture,
   change,
   type Conditions,
@@ -54,8 +55,6 @@ const FIRST_VALUES: Partial<Record<SettingName, number>> = {
 };
 
 const OPTIONAL = NUMBERS.filter((name) => ASKED.includes(name as never) && !isUsual(name)) as SettingName[];
-
-const BEFORE_DEPARTURE: BeforeDeparture[] = ["parked", "garage", "logged", "unknown"];
 
 function firstValue(name: SettingName): number {
   const first = FIRST_VALUES[name];
