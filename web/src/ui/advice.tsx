@@ -10,7 +10,7 @@ import { format, text, units } from "../state/preferences";
 import { Waterfall } from "./causes";
 import { DataTable } from "./data-table";
 import { labelOf } from "./journey-answer";
-import { chanceInFigures, clockText } from "./wording";
+import { chanceInFigures, clockText, range } from "./wording";
 
 /** Shorter delays are not named. */
 const MIN_SHOWN_S = 30;
@@ -77,10 +77,9 @@ function wholeText({ duration_s, charges }: Whole, now: Whole): string {
 
 function Saving({ of, now }: { of: Advised; now: Whole | null }) {
   const { advice: words, result } = text.value;
-  const { figure, shown } = format.value;
+  const { shown } = format.value;
   const { difference, p_arrive, wall_wh } = of;
-  const [low = 0, high = 0] = difference.interval_wh;
-  const range = result.range(figure(ENERGY.from(-high), 2), figure(ENERGY.from(-low), 2));
+  const saved = difference.interval_wh.map((wh) => -wh).reverse();
   const arrives = words.arrives(shown(Math.max(of.soc_arrival, 0), PERCENT), chanceInFigures(p_arrive));
   const parts = [
     ...(now ? [of.whole && wholeText(of.whole, now)] : [arrives, longer(of)]),
@@ -90,7 +89,8 @@ function Saving({ of, now }: { of: Advised; now: Whole | null }) {
     <li>
       <h3>{togetherText(of)}</h3>
       <p class="figures">
-        <b>{words[of.saves](shown(-difference.energy_wh, ENERGY))}</b> <small>{result.inTrips(range)}</small>
+        <b>{words[of.saves](shown(-difference.energy_wh, ENERGY))}</b>{" "}
+        <small>{result.inTrips(range(saved, ENERGY))}</small>
       </p>
       <p class="figures">{parts.filter(Boolean).join(" · ")}</p>
       <details class="causes">

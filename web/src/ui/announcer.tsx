@@ -5,7 +5,7 @@ import { answer, chargingPlan, isLookingForStops } from "../state/answer";
 import { shownForecast, arrived, playing } from "../state/drive";
 import { problem } from "../state/forecast";
 import { format, text, units } from "../state/preferences";
-import { bandOf } from "./wording";
+import { rangeWithUnit } from "./wording";
 
 const SETTLED_MS = 700;
 
@@ -19,7 +19,7 @@ function sentence(): string {
   const emptyM = chargingPlan.value ? null : emptyAfterM(of);
   const forecast =
     emptyM === null
-      ? result.announced(soc, bandOf(now.interval))
+      ? result.announced(soc, rangeWithUnit(now.interval, PERCENT))
       : result.announcedEmpty(format.value.shown(emptyM, units.value.distance, 0));
   if (now.pReserve === null) return forecast;
   return `${forecast} ${chance.announced(chance.words[likelihoodOf(now.pReserve)])}`;

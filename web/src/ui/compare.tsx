@@ -1,6 +1,6 @@
 import { batch } from "@preact/signals";
 import type { Forecast, Whole } from "../api/documents";
-import { chanceOf, emptyAfterM } from "../model/arrival";
+import { arrivalBand, chanceOf, emptyAfterM } from "../model/arrival";
 import { hasMotorway } from "../model/links";
 import { ENERGY, PERCENT } from "../model/units";
 import { type Conditions, change, conditions } from "../state/conditions";
@@ -9,7 +9,7 @@ import { format, text, units } from "../state/preferences";
 import { trip } from "../state/trip";
 import { settingOf } from "./settings";
 import { Slider } from "./slider";
-import { bandText, chanceInFigures } from "./wording";
+import { chanceInFigures, range, rangeWithUnit } from "./wording";
 
 /** Smaller differences are left out of the sentence. */
 const MIN_SHOWN_WH = 5;
@@ -114,7 +114,7 @@ function Side({ of, whole, kind, name }: SideProps) {
         {charges > 0
           ? journey.stops(charges)
           : emptyM === null
-            ? result.inTrips(bandText(of))
+            ? result.inTrips(rangeWithUnit(arrivalBand(of), PERCENT))
             : result.emptyAfter(shown(emptyM, units.value.distance, 0))}
       </p>
       <p class="figures">
@@ -138,9 +138,8 @@ function differenceText(first: Totals, second: Totals, names: [string, string]):
   if (savedWh >= MIN_SHOWN_WH) {
     const sign = points >= 0 ? -1 : 1;
     const ends = (difference.value?.interval_wh ?? []).map((wh) => sign * wh).sort((a, b) => a - b);
-    const [low, high] = ends.map((wh) => figure(ENERGY.from(wh), 2));
-    const range = low && high ? ` (${result.inTrips(result.range(low, high))})` : "";
-    parts.push(compare.lessEnergy(shown(savedWh, ENERGY)) + range);
+    const inTrips = ends.length > 0 ? ` (${result.inTrips(range(ends, ENERGY))})` : "";
+    parts.push(compare.lessEnergy(shown(savedWh, ENERGY)) + inTrips);
   }
   if (longerS >= MIN_SHOWN_S) parts.push(journey.longer(duration(longerS)));
   if (longerS <= -MIN_SHOWN_S) parts.push(journey.shorter(duration(-longerS)));

@@ -5,9 +5,8 @@ import { PERCENT } from "../model/units";
 import { answer, chargingPlan, isLookingForStops } from "../state/answer";
 import { source } from "../state/catalogue";
 import { shownForecast } from "../state/drive";
-
 import { format, text, units } from "../state/preferences";
-import { bandOf, chanceInFigures } from "./wording";
+import { chanceInFigures, rangeWithUnit } from "./wording";
 
 /** On a phone: the result at the bottom of the screen while the verdict is out of view. */
 export function Glance() {
@@ -30,7 +29,7 @@ export function Glance() {
       <strong>{shown(emptyM === null ? now.soc : 0, PERCENT)}</strong>
       <span>
         {emptyM === null
-          ? result.glance(bandOf(now.interval))
+          ? result.glance(rangeWithUnit(now.interval, PERCENT))
           : result.emptyAfter(shown(emptyM, units.value.distance, 0))}
       </span>
       <span>{result.glanceReserve(chanceInFigures(decisiveChance(now)))}</span>

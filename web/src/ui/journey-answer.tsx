@@ -7,7 +7,7 @@ import { format, text, units } from "../state/preferences";
 import { trip } from "../state/trip";
 import { Choice } from "./choice";
 import { StationActions } from "./station-panel";
-import { chanceInFigures, clockText } from "./wording";
+import { chanceInFigures, clockText, rangeWithUnit } from "./wording";
 
 /** Smaller differences between roads are none. */
 const MIN_SHOWN_S = 30;
@@ -101,12 +101,10 @@ function Plans({ plans }: { plans: ChargingPlan[] }) {
 }
 
 function StopRow({ of }: { of: Stop }) {
-  const { journey: words, result } = text.value;
-  const { figure, shown, span } = format.value;
-  const { station, soc_interval: interval, if_full: full } = of;
+  const { journey: words } = text.value;
+  const { shown, span } = format.value;
+  const { station, if_full: full } = of;
   const at = clock.value;
-  const [low = 0, high = 0] = interval;
-  const range = result.range(figure(PERCENT.from(low), 0), figure(PERCENT.from(high), 0));
   const known = station.power_known ? "" : ` (${words.assumed})`;
   const names: Record<string, string> = words.plugs;
   const plug = station.plug in names ? ` · ${names[station.plug]}` : "";
@@ -127,7 +125,8 @@ function StopRow({ of }: { of: Stop }) {
           {words.chargeFor(shown(of.soc_arrival, PERCENT), shown(of.soc_leave, PERCENT), span(of.charging_s))}
         </b>{" "}
         <span class="figures">
-          {words.arriveThere(`${range}\u00a0%`)} · {words.reached(chanceInFigures(of.p_reach))}
+          {words.arriveThere(rangeWithUnit(of.soc_interval, PERCENT))} ·{" "}
+          {words.reached(chanceInFigures(of.p_reach))}
           {of.preheat && ` · ${words.preheat}`}
           {of.needed_below < 1 &&
             ` · ${words.neededBelow(`${Math.ceil(PERCENT.from(of.needed_below))}\u00a0%`)}`}

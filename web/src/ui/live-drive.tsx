@@ -26,7 +26,7 @@ import { trip } from "../state/trip";
 import { Chance } from "./chance";
 import { Icon } from "./icons";
 import { Button, IconButton, put, Stat, useModal } from "./parts";
-import { chanceInFigures, clockText, tripTitle } from "./wording";
+import { chanceInFigures, clockText, endsOf, range, rangeWithUnit, tripTitle } from "./wording";
 import { Said } from "./said";
 import { Warnings } from "./warnings";
 
@@ -36,14 +36,10 @@ const OLD_S = 120;
 const SHORT_M = 500;
 const CONTRADICTED = "charge_contradicted";
 const CHART_PX = 150;
-const LOW = "0.05";
-const HIGH = "0.95";
 
 function Arrival({ of, label }: { of: LiveForecast; label: string }) {
   const { result } = text.value;
   const { figure } = format.value;
-  const low = figure(PERCENT.from(of.soc_quantiles[LOW] ?? 0), 0);
-  const high = figure(PERCENT.from(of.soc_quantiles[HIGH] ?? 0), 0);
   return (
     <>
       <p class="arrival" aria-live="polite">
@@ -52,7 +48,7 @@ function Arrival({ of, label }: { of: LiveForecast; label: string }) {
           {figure(PERCENT.from(Math.max(0, of.soc_arrival)), 0)}
           <small>{PERCENT.unit}</small>
         </span>
-        <span class="range">{result.inTrips(`${result.range(low, high)}\u00a0${PERCENT.unit}`)}</span>
+        <span class="range">{result.inTrips(rangeWithUnit(endsOf(of.soc_quantiles), PERCENT))}</span>
       </p>
       <Chance
         verdict={verdictOf(of.p_arrive)}
@@ -163,15 +159,13 @@ function arrivalOf({ seconds_since_message: ago }: LiveCar, of: LiveForecast): D
 
 function Car({ of }: { of: LiveCar }) {
   const { live: words, result } = text.value;
-  const { figure, shown } = format.value;
+  const { shown } = format.value;
   const { distance } = units.value;
   const { forecast, trip, soc, destination } = of;
   const carM = forecast && trip ? Math.min(trip.distance_m, forecast.distance_m) : null;
   const { distance_m = [], expected = [] } = forecast?.course ?? {};
   const socNow = soc ?? (carM === null ? null : interpolate(carM, distance_m, expected));
   const flags = [...of.flags, ...(forecast?.flags.filter(({ code }) => code === CONTRADICTED) ?? [])];
-  const ends = (q: Record<string, number>) => [LOW, HIGH].map((p) => figure(ENERGY.from(q[p] ?? 0), 1));
-  const [low = "", high = ""] = forecast ? ends(forecast.quantiles_wh) : [];
   return (
     <>
       <div class="answer">
@@ -200,7 +194,8 @@ function Car({ of }: { of: LiveCar }) {
           {trip && <Measured trip={trip} />}
           {forecast && (
             <Stat label={words.whole}>
-              {shown(forecast.energy_wh, ENERGY, 1)} <small>{result.range(low, high)}</small>
+              {shown(forecast.energy_wh, ENERGY, 1)}{" "}
+              <small>{range(endsOf(forecast.quantiles_wh), ENERGY, 1)}</small>
             </Stat>
           )}
         </dl>

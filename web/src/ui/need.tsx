@@ -13,13 +13,7 @@ import { Icon } from "./icons";
 import { Warnings } from "./warnings";
 import { Waiting } from "./failure";
 import { Stat } from "./parts";
-
-/** Kilometres from one end to the other. */
-function intervalText([low = 0, high = 0]: readonly number[]): string {
-  const { distance } = units.value;
-  const { figure, shown } = format.value;
-  return text.value.result.range(figure(distance.from(low), 0), shown(high, distance, 0));
-}
+import { rangeWithUnit } from "./wording";
 
 function Kinds({ rows }: { rows: RangeOfKind[] }) {
   const { need: words } = text.value;
@@ -34,7 +28,7 @@ function Kinds({ rows }: { rows: RangeOfKind[] }) {
         <tr key={kind}>
           <th scope="row">{names[kind] ?? kind}</th>
           <td>{shown(range_m, units.value.distance, 0)}</td>
-          <td>{intervalText(half_m)}</td>
+          <td>{rangeWithUnit(half_m, units.value.distance, 0)}</td>
           <td>{shown(interval_m[0], units.value.distance, 0)}</td>
         </tr>
       ))}
@@ -75,11 +69,10 @@ export function NeedAnswer() {
   const needed = need.value;
   const far = range.value;
   if (!needed || !far) return problem.value ? null : <Waiting />;
-  const { need: words, result, verdict: others } = text.value;
+  const { need: words, verdict: others } = text.value;
   const { duration, figure, shown } = format.value;
   const { soc, reserve } = conditions.value;
   const { lacking, left, verdict } = sufficing(soc, needed.soc_needed, needed.reserve);
-  const [low = 0, high = 0] = needed.half_wh.map(ENERGY.from);
   const flags = [...needed.flags, ...far.flags].filter(
     (flag, k, all) => all.findIndex(({ message }) => message === flag.message) === k,
   );
@@ -93,7 +86,7 @@ export function NeedAnswer() {
             <small>{ENERGY.unit}</small>
           </span>
           <span class="range">
-            {words.half(`${result.range(figure(low, 1), figure(high, 1))}\u00a0${ENERGY.unit}`)}
+            {words.half(rangeWithUnit(needed.half_wh, ENERGY, 1))}
             <span class="missing">{words.enoughFor(shown(needed.energy_quantile_wh, ENERGY, 1))}</span>
           </span>
         </p>

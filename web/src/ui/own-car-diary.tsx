@@ -6,7 +6,7 @@ import { ENERGY, PERCENT } from "../model/units";
 import { format, text, units } from "../state/preferences";
 import { DataTable } from "./data-table";
 import { FaultList } from "./faults";
-import { temperaturesText } from "./wording";
+import { rangeWithUnit } from "./wording";
 import { said } from "../state/messages";
 import { Fold } from "./parts";
 
@@ -79,7 +79,7 @@ function Factor({
         {`${signed(value, digits)}\u00a0${sign}`}{" "}
         <span class="note">{`± ${figure(isPower ? sd : PERCENT.from(sd), digits)} ${sign}`}</span>
       </td>
-      <td>{seen_degc ? temperaturesText(seen_degc) : words.notSeen}</td>
+      <td>{seen_degc ? rangeWithUnit(seen_degc, units.value.temperature) : words.notSeen}</td>
     </tr>
   );
 }
@@ -104,7 +104,9 @@ function Learned({ of }: { of: OwnCar }) {
   );
   return (
     <>
-      {seen.length > 0 && <p>{words.seen(temperaturesText([Math.min(...seen), Math.max(...seen)]))}</p>}
+      {seen.length > 0 && (
+        <p>{words.seen(rangeWithUnit([Math.min(...seen), Math.max(...seen)], units.value.temperature))}</p>
+      )}
       {shown.length > 0 && table(words.taught, shown)}
       {others.length > 0 && (
         <Fold title={words.otherFactors(others.length)}>

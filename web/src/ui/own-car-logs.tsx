@@ -9,7 +9,7 @@ import { FaultList } from "./faults";
 import { FileDrop } from "./file-drop";
 import { OwnCarFiles } from "./own-car-files";
 import { OwnCarKinds } from "./own-car-kinds";
-import { temperaturesText } from "./wording";
+import { rangeWithUnit } from "./wording";
 import { Said } from "./said";
 import { Button, Fold, put, Stat } from "./parts";
 
@@ -69,7 +69,7 @@ function Learnable({ preview, report }: { preview: Preview | null; report: Alike
           )}
           {preview.ambient_degc && (
             <Stat label={conditions.fields.ambient_temperature_degc}>
-              {temperaturesText(preview.ambient_degc)}
+              {rangeWithUnit(preview.ambient_degc, units.value.temperature)}
             </Stat>
           )}
         </dl>

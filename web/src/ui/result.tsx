@@ -14,21 +14,19 @@ import { DriveControls, DriveLine } from "./drive";
 import { into, Stat, Tick } from "./parts";
 import { PositionSlider } from "./position-slider";
 import { RouteTable } from "./tables";
-import { bandOf } from "./wording";
+import { endsOf, range, rangeWithUnit } from "./wording";
 
 const MODES: Mode[] = ["plan", "compare", "drive"];
 
 function Stats({ of }: { of: Forecast }) {
   const distance = of.series.distance_m.at(-1) as number;
-  const q = of.quantiles_wh;
   const { result } = text.value;
-  const { duration, figure, shown } = format.value;
-  const [low, high] = ["0.05", "0.95"].map((p) => figure(ENERGY.from(q[p] as number), 2)) as [string, string];
+  const { duration, shown } = format.value;
   const { consumption } = units.value;
   return (
     <dl class="stats">
       <Stat label={result.energy}>
-        {shown(of.energy_wh, ENERGY)} <small>{result.range(low, high)}</small>
+        {shown(of.energy_wh, ENERGY)} <small>{range(endsOf(of.quantiles_wh), ENERGY)}</small>
       </Stat>
       <Stat label={result.consumption}>{shown(of.energy_wh / distance, consumption)}</Stat>
       <Stat label={result.distance}>{shown(distance, units.value.distance)}</Stat>
@@ -55,7 +53,7 @@ function chartLabel(of: Forecast): string {
   const { shown } = format.value;
   const from = shown(of.series.displayed_soc[0] as number, PERCENT);
   const { soc, interval } = answer.value ?? { soc: of.soc_arrival, interval: [0, 1] as const };
-  return text.value.result.chart(from, shown(soc, PERCENT), bandOf(interval));
+  return text.value.result.chart(from, shown(soc, PERCENT), rangeWithUnit(interval, PERCENT));
 }
 
 function RoadHeading() {

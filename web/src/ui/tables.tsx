@@ -8,6 +8,7 @@ import { history, shownProfile } from "../state/drive";
 import { format, text, units } from "../state/preferences";
 import { DataTable } from "./data-table";
 import { Fold } from "./parts";
+import { range } from "./wording";
 
 const ROWS = 16;
 
@@ -39,17 +40,16 @@ function some(count: number): number[] {
 export function RouteTable({ of }: { of: Forecast }) {
   const { distance, speed, height } = units.value;
   const { duration, figure } = format.value;
-  const { tables, result } = text.value;
+  const { tables } = text.value;
   const { series } = of;
   const profile = shownProfile.value;
   const rows = some(series.distance_m.length).map((k) => {
     const at = series.distance_m[k] as number;
-    const cell = (column: number[]) => figure(PERCENT.from(column[k] as number), 1);
     return [
       figure(distance.from(at), 2),
       duration(series.time_s[k] as number),
-      cell(series.displayed_soc),
-      result.range(cell(series.displayed_soc_low), cell(series.displayed_soc_high)),
+      figure(PERCENT.from(series.displayed_soc[k] as number), 1),
+      range([series.displayed_soc_low[k] as number, series.displayed_soc_high[k] as number], PERCENT, 1),
       profile ? figure(speed.from(interpolate(at, profile.distanceM, profile.speedMS)), 0) : "",
       profile?.elevationM
         ? figure(height.from(interpolate(at, profile.distanceM, profile.elevationM)), 0)
@@ -79,7 +79,7 @@ export function ArrivalTable({ of }: { of: Forecast }) {
 
 export function HistoryTable() {
   const { figure } = format.value;
-  const { tables, result } = text.value;
+  const { tables } = text.value;
   const points = history.value;
   const { distance } = units.value;
   if (points.length < 2) return null;
@@ -89,7 +89,7 @@ export function HistoryTable() {
     return [
       figure(distance.from(distanceM), 2),
       percent(soc),
-      result.range(percent(low), percent(high)),
+      range([low, high], PERCENT, 1),
       naive === null ? "–" : percent(naive),
     ];
   });

@@ -21,7 +21,7 @@ import { NeedAnswer, needSentence, needVerdict } from "./need";
 import { Stat } from "./parts";
 import { ShareTools } from "./share";
 import { Warnings } from "./warnings";
-import { bandOf, clockText } from "./wording";
+import { clockText, range, rangeWithUnit } from "./wording";
 
 /** Chances between these are an open question. */
 const OPEN = [0.05, 0.95] as const;
@@ -74,12 +74,11 @@ function Empty({ of, afterM }: { of: Forecast; afterM: number }) {
   const { distance } = units.value;
   const ends =
     late === null ? "" : result.emptyBetween(figure(distance.from(early ?? 0), 0), shown(late, distance, 0));
-  const range = result.range(figure(ENERGY.from(least), 1), figure(ENERGY.from(most), 1));
   return (
     <>
       {result.emptyAfter(shown(afterM, distance, 0))}
       {ends}
-      <span class="missing">{result.missing(shown(expected, ENERGY), range)}</span>
+      <span class="missing">{result.missing(shown(expected, ENERGY), range([least, most], ENERGY, 1))}</span>
       {best >= SHOWN_SOC && <span class="missing">{result.atBest(shown(best, PERCENT))}</span>}
     </>
   );
@@ -131,7 +130,7 @@ function Headline({ of, now, isOld }: { of: Forecast; now: Answer; isOld: boolea
   const { result } = text.value;
   const { figure } = format.value;
   const { reserve } = requested.value.at;
-  const detail = measured ? result.measured : result.inTrips(bandOf(now.interval));
+  const detail = measured ? result.measured : result.inTrips(rangeWithUnit(now.interval, PERCENT));
   return (
     <div class={`headline${isOld ? " old" : ""}`}>
       <p class="arrival">
@@ -258,7 +257,8 @@ function HowSure({ of, now }: { of: Forecast; now: Answer }) {
       {isOpen && <Warnings flags={flags} others={others} serious />}
       <details class="sure">
         <summary>
-          <b>{words.sure}</b> {now.interval[1] >= SHOWN_SOC && result.inTrips(bandOf(now.interval))}
+          <b>{words.sure}</b>{" "}
+          {now.interval[1] >= SHOWN_SOC && result.inTrips(rangeWithUnit(now.interval, PERCENT))}
           {count > 0 && ` · ${words.reasons(count)}`}
         </summary>
         <p class="given">

@@ -1,41 +1,31 @@
 /** Phrases used in several parts of the page. */
 
-import type { Forecast } from "../api/documents";
-import { arrivalBand, hundredthsOf } from "../model/arrival";
+import { hundredthsOf } from "../model/arrival";
 import { daysBetween } from "../model/clock";
-import { PERCENT } from "../model/units";
+import type { Quantity } from "../model/units";
 import { format, text, units } from "../state/preferences";
 import type { Trip } from "../state/trip";
 
-/** The central 90 % interval of the charge on arrival. */
-export function bandText(of: Forecast, digits = 0): string {
-  return bandOf(arrivalBand(of), digits);
+/** From the first to the second of two values in SI, without their unit; one figure where both are the same. */
+export function range(ends: readonly number[], quantity: Quantity, digits = quantity.digits): string {
+  const [low = "", high = low] = ends.map((si) => format.value.figure(quantity.from(si), digits));
+  return low === high ? low : text.value.result.range(low, high);
 }
 
-/** An interval of the charge. */
-export function bandOf(interval: readonly [number, number], digits = 0): string {
-  const [low, high] = interval.map((soc) => format.value.figure(PERCENT.from(soc), digits)) as [
-    string,
-    string,
-  ];
-  const both = low === high ? low : text.value.result.range(low, high);
-  return `${both}\u00a0${PERCENT.unit}`;
+/** And with their unit. */
+export function rangeWithUnit(ends: readonly number[], quantity: Quantity, digits?: number): string {
+  return `${range(ends, quantity, digits)}\u00a0${quantity.unit}`;
+}
+
+/** The ends of the central 90 % interval, of quantiles by their probabilities. */
+export function endsOf(quantiles: Record<string, number>): number[] {
+  return ["0.05", "0.95"].map((p) => quantiles[p] ?? 0);
 }
 
 /** A probability, such as 97 in 100. */
 export function chanceInFigures(chance: number): string {
   const { side, count } = hundredthsOf(chance);
   return text.value.chance.figures[side](count);
-}
-
-/** Temperatures from the lowest to the highest [°C]. */
-export function temperaturesText([lowest, highest]: readonly [number, number]): string {
-  const { from, unit, digits } = units.value.temperature;
-  const [low, high] = [lowest, highest].map((degc) => format.value.figure(from(degc), digits)) as [
-    string,
-    string,
-  ];
-  return `${low === high ? low : text.value.result.range(low, high)}\u00a0${unit}`;
 }
 
 export function tripTitle(trip: Trip): string {
