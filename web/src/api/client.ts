@@ -1,5 +1,6 @@
 /** Requests to the service that served the page, and to no other host. */
 
+import { pause } from "../model/clock";
 import { EventParser } from "../model/sse";
 import type { LivePlanRequest, LogsRequest, Need, Problem } from "./documents";
 import type { paths } from "../../generated/types";
@@ -58,10 +59,6 @@ async function send(path: string, init: RequestInit): Promise<Response> {
   }
 }
 
-function pause(seconds: number): Promise<void> {
-  return new Promise((resolve) => setTimeout(resolve, seconds * 1000));
-}
-
 /** The response to a request that was accepted; a token is asked for where one is needed. */
 async function request(path: string, init: RequestInit): Promise<Response> {
   for (let attempt = 1; ; attempt++) {
@@ -71,7 +68,7 @@ async function request(path: string, init: RequestInit): Promise<Response> {
     if (response.status === 401 && attempt < 10) {
       storeToken(await requestToken(attempt > 1));
     } else if (busy && attempt < MAX_ATTEMPTS) {
-      await pause(Math.min(Number(response.headers.get("retry-after")) || 0.5, 5));
+      await pause(1000 * Math.min(Number(response.headers.get("retry-after")) || 0.5, 5));
     } else {
       throw new RequestFailed(await problemOf(response));
     }

@@ -1,3 +1,5 @@
+import { pause } from "../model/clock";
+
 /** Runs a job for the latest value only: one at a time, and at most once per `minIntervalMs`. */
 export class Latest<T> {
   private pending: { value: T } | null = null;
@@ -8,8 +10,9 @@ export class Latest<T> {
     private readonly minIntervalMs: number,
   ) {}
 
-  /** Run the job for `value`: now, or after the running job. */
-  submit(value: T): void {
+  /** Run the job for `value`: now, or after the running job; null cancels both. */
+  submit(value: T | null): void {
+    if (value === null) return this.cancel();
     this.pending = { value };
     if (!this.running) void this.run();
   }
@@ -32,7 +35,7 @@ export class Latest<T> {
     while (this.pending && this.running === controller) {
       const { value } = this.pending;
       this.pending = null;
-      const interval = new Promise((resolve) => setTimeout(resolve, this.minIntervalMs));
+      const interval = pause(this.minIntervalMs);
       await this.job(value, controller.signal);
       await interval;
     }

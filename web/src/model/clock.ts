@@ -3,6 +3,14 @@
 const MINUTE_MS = 60_000;
 const DAY_MS = 86_400_000;
 
+/** Wait for a time, or until it is stopped. */
+export function pause(ms: number, stop?: AbortSignal): Promise<void> {
+  return new Promise((resolve) => {
+    setTimeout(resolve, ms);
+    stop?.addEventListener("abort", () => resolve());
+  });
+}
+
 function two(number: number): string {
   return String(Math.floor(number)).padStart(2, "0");
 }

@@ -41,11 +41,7 @@ export function keepAdvice(): void {
     const wanted = departure.value && of && !of.distance && !of.isDraft && mode.value === "plan";
     const job = wanted ? { of, at: conditions.value, by: car.value } : null;
     untracked(() => {
-      if (!job) {
-        runner.cancel();
-        advice.value = null;
-        return;
-      }
+      if (!job) advice.value = null;
       adviceIsOld.value = true;
       runner.submit(job);
     });

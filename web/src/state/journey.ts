@@ -166,11 +166,10 @@ export function keepReach(): void {
   effect(() => {
     const { from } = ends.value;
     const job = from && { from, at: conditions.value };
-    const wanted = wantsReach.value && car.value && job;
+    const wanted = wantsReach.value && car.value ? job : null;
     untracked(() => {
-      if (wanted) return runner.submit(wanted);
-      runner.cancel();
-      reach.value = null;
+      if (!wanted) reach.value = null;
+      runner.submit(wanted);
     });
   });
 }

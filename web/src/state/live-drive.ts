@@ -3,6 +3,7 @@
 import { batch, computed, effect, signal } from "@preact/signals";
 import { listenTo, listRoadCars, RequestFailed, storeToken } from "../api/client";
 import type { LiveCar, RoadCar } from "../api/documents";
+import { pause } from "../model/clock";
 import { viewFrom } from "../model/to-phone";
 import { dark, readStored, writeStored } from "./preferences";
 
@@ -44,16 +45,6 @@ export const quietS = computed(() => {
 export function toggleNight(): void {
   chosenNight.value = !night.value;
   writeStored(KEY, { night: chosenNight.value });
-}
-
-function pause(ms: number, stop: AbortSignal): Promise<void> {
-  return new Promise((resolve) => {
-    const timer = setTimeout(resolve, ms);
-    stop.addEventListener("abort", () => {
-      clearTimeout(timer);
-      resolve();
-    });
-  });
 }
 
 let heardMs = 0;

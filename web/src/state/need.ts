@@ -58,11 +58,7 @@ export function keepNeed(): void {
     const distance = asked.value;
     const job = distance && { ...distance, at: conditions.value, car: car.value };
     untracked(() => {
-      if (!job) {
-        runner.cancel();
-        need.value = range.value = null;
-        return;
-      }
+      if (!job) need.value = range.value = null;
       needIsOld.value = true;
       runner.submit(job);
     });

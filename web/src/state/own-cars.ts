@@ -3,6 +3,7 @@
 import { batch, computed, signal } from "@preact/signals";
 import { createCar, forgetCar, getCar, listCars, newCarToken, RequestFailed } from "../api/client";
 import type { Fault, NewCarRequest, OwnCar, OwnCarSummary } from "../api/documents";
+import { pause } from "../model/clock";
 import { car, type Car, chooseOwn, DESCRIBED, vehicle } from "./car";
 
 /** Time between two looks at a car that learns [ms]. */
@@ -102,7 +103,7 @@ export function useCar({ name, vehicle: of, title }: OwnCarSummary): void {
 /** Show the progress of a car that learns until it has learned. */
 export async function follow(name: string): Promise<void> {
   while (shownCar.value?.name === name && learns.value) {
-    await new Promise((resolve) => setTimeout(resolve, LOOK_AGAIN_MS));
+    await pause(LOOK_AGAIN_MS);
     const own = await asked(() => getCar(name));
     if (!own) return;
     if (shownCar.value?.name === name) keep(own);

@@ -25,8 +25,8 @@ const matches = signal<Vehicle[] | null>(null);
 
 const search = new Latest<string>(async (words, abort) => {
   try {
-    const found = words ? await findVehicles(words, abort) : null;
-    matches.value = found?.length === 0 ? beginning(words, vehicles.value) : found;
+    const found = await findVehicles(words, abort);
+    matches.value = found.length === 0 ? beginning(words, vehicles.value) : found;
   } catch {
     matches.value = beginning(words, vehicles.value);
   }
@@ -97,11 +97,8 @@ export function CarField() {
   const open = (words: string) => {
     setTyped(words);
     setActive(null);
-    if (words) search.submit(words.trim());
-    else {
-      search.cancel();
-      matches.value = null;
-    }
+    if (!words) matches.value = null;
+    search.submit(words.trim() || null);
   };
   const press = (event: KeyboardEvent) => {
     if (!isOpen && event.key === "ArrowDown") open("");
