@@ -4,7 +4,6 @@ import assert from "node:assert/strict";
 import { describe, test } from "node:test";
 import type { ChargingPlan, Road } from "../src/api/documents";
 import {
-  boundsOf,
   distanceNear,
   energyAtWh,
   piecesOf,
@@ -87,17 +86,6 @@ describe("pieces by consumption", () => {
     near(energyAtWh(road([0, 900, 1200, 1600, 2000], 1.01), 6000), 1200);
     near(energyAtWh(road([0, 900, 1200, 1600, 2000]), 1500), 450);
   });
-});
-
-test("bounds are south, west, north and east", () => {
-  assert.deepEqual(
-    boundsOf([
-      [9.5, 47.2],
-      [9.4, 47.3],
-      [9.6, 47.1],
-    ]),
-    [47.1, 9.4, 47.3, 9.6],
-  );
 });
 
 test("points are longitude and latitude", () => {

@@ -106,6 +106,8 @@ const ROOMS = { pin: [PIN_PX + 4, PIN_PX + 4], stop: [26, 26], station: [14, 14]
 const DATA = ["roads", "others", "reach", "settlements", "stations", "stops", "pins", "dot"] as const;
 type Data = (typeof DATA)[number];
 
+const LAYERS_TO_CLICK = ["stop", "station", "road-hit", "other-hit"];
+
 const WIDTHS = {
   minor: ["interpolate", ["exponential", 1.5], ["zoom"], 9, 0.5, 14, 2, 18, 10],
   secondary: ["interpolate", ["exponential", 1.5], ["zoom"], 7, 0.6, 12, 2, 18, 14],
@@ -282,12 +284,9 @@ function anchorOf([right, down]: Lean): string {
   return `${down > 0 ? "top" : "bottom"}-${right > 0 ? "left" : "right"}`;
 }
 
-/** MapLibre's order of corners: west and south, east and north. */
-function corners([south, west, north, east]: Bounds): [Point, Point] {
-  return [
-    [west, south],
-    [east, north],
-  ];
+/** Bounds in MapLibre's order. */
+function ordered([south, west, north, east]: Bounds): Bounds {
+  return [west, south, east, north];
 }
 
 export class RoadMap {
@@ -310,7 +309,7 @@ export class RoadMap {
       touchPitch: false,
       maxPitch: 0,
       zoom: START_ZOOM,
-      ...(bounds && { bounds: corners(bounds), fitBoundsOptions: { padding: 28 } }),
+      ...(bounds && { bounds: ordered(bounds), fitBoundsOptions: { padding: 28 } }),
       transformRequest: (url) => ({ url, headers: headers() }),
       fadeDuration: 0,
     });
@@ -383,8 +382,11 @@ export class RoadMap {
     else this.waiting.set(source, collection);
   }
 
-  fit(bounds: Bounds): void {
-    this.map.fitBounds(corners(bounds), { padding: PADDING, maxZoom: MAX_FIT_ZOOM, duration: 500 });
+  /** Bring points into view. */
+  fit(points: readonly Point[]): void {
+    const bounds = new this.options.library.LngLatBounds();
+    for (const point of points) bounds.extend(point);
+    this.map.fitBounds(bounds, { padding: PADDING, maxZoom: MAX_FIT_ZOOM, duration: 500 });
   }
 
   zoom(by: 1 | -1): void {
@@ -392,10 +394,10 @@ export class RoadMap {
     else this.map.zoomOut();
   }
 
-  /** The part of the world that is in view. */
+  /** The part of the world that is in view, without its copies to the left and right. */
   bounds(): Bounds {
     const box = this.map.getBounds();
-    return [box.getSouth(), box.getWest(), box.getNorth(), box.getEast()];
+    return [box.getSouth(), Math.max(box.getWest(), -180), box.getNorth(), Math.min(box.getEast(), 180)];
   }
 
   remove(): void {
@@ -439,17 +441,14 @@ export class RoadMap {
     map.on("click", (event) => this.click(event));
     map.on("mousemove", "road-hit", (event) => handlers.onRoad(pointOf(event)));
     map.on("mouseleave", "road-hit", () => handlers.onRoad(null));
-    for (const layer of ["road-hit", "other-hit", "station", "stop"]) {
-      map.on("mouseenter", layer, () => void (map.getCanvas().style.cursor = "pointer"));
-      map.on("mouseleave", layer, () => void (map.getCanvas().style.cursor = ""));
-    }
+    map.on("mouseenter", LAYERS_TO_CLICK, () => void (map.getCanvas().style.cursor = "pointer"));
+    map.on("mouseleave", LAYERS_TO_CLICK, () => void (map.getCanvas().style.cursor = ""));
   }
 
   /** A click belongs to what is on top: a station, the chosen road, another road, else the ground. */
   private click(event: MapMouseEvent): void {
     const { handlers } = this.options;
-    const layers = ["stop", "station", "road-hit", "other-hit"];
-    const hit = this.map.queryRenderedFeatures(event.point, { layers });
+    const hit = this.map.queryRenderedFeatures(event.point, { layers: LAYERS_TO_CLICK });
     const on = (layer: string) => hit.find((feature) => feature.layer.id === layer);
     const station = on("stop") ?? on("station");
     const other = on("other-hit");

@@ -80,17 +80,6 @@ function levelOf(whM: number, meanWhM: number): Level {
   return whM < LOW * meanWhM ? "low" : "usual";
 }
 
-export function boundsOf(points: readonly Point[]): Bounds {
-  const bounds: Bounds = [90, 180, -90, -180];
-  for (const [longitude, latitude] of points) {
-    bounds[0] = Math.min(bounds[0], latitude);
-    bounds[1] = Math.min(bounds[1], longitude);
-    bounds[2] = Math.max(bounds[2], latitude);
-    bounds[3] = Math.max(bounds[3], longitude);
-  }
-  return bounds;
-}
-
 /** The point at a distance along the forecast [m]. */
 export function pointAt({ line, distance_m: length, forecast }: Line, distanceM: number): Point {
   const whole = forecast.series.distance_m.at(-1) as number;

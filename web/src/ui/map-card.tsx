@@ -6,7 +6,6 @@ import { coloursOf } from "../charts/palette";
 import type { Feature, Mark, RoadMap } from "../map/road-map";
 import { warningsOf } from "../model/flags";
 import {
-  boundsOf,
   type Bounds,
   distanceNear,
   type Field,
@@ -133,16 +132,9 @@ function MapCanvas({
       request.abort();
       request = new AbortController();
       window.clearTimeout(timer);
-      const [south, west, north, east] = bounds;
-      const inWorld: Bounds = [
-        Math.max(south, -90),
-        Math.max(west, -180),
-        Math.min(north, 90),
-        Math.min(east, 180),
-      ];
       const { signal } = request;
       timer = window.setTimeout(() => {
-        viewMap(inWorld, signal).then(
+        viewMap(bounds, signal).then(
           (part) => {
             view.value = part;
           },
@@ -246,13 +238,13 @@ function MapCanvas({
     const now = shownJourney();
     if (!now || !made.value || !wantsFit.value) return;
     const plans = chargingPlan.value ? [chargingPlan.value] : now.roads;
-    made.value.fit(boundsOf(plans.flatMap(pointsOf)));
+    made.value.fit(plans.flatMap(pointsOf));
     wantsFit.value = false;
   });
   useSignalEffect(() => {
     const points = (reach.value?.areas ?? []).flatMap(({ polygon }) => polygon.coordinates.flat());
     if (points.length === 0 || !made.value || !wantsReachFit.value) return;
-    made.value.fit(boundsOf(points as Point[]));
+    made.value.fit(points as Point[]);
     wantsReachFit.value = false;
   });
 
