@@ -1,6 +1,7 @@
 /** A plan as the text of a link, and back. */
 
 import type { Figures, Place } from "../api/documents";
+import { readCoordinates } from "./road";
 
 /** Values that a link has of the conditions, by their names. */
 export type LinkValue = number | string | boolean | readonly string[] | null;
@@ -11,12 +12,9 @@ export function placeText({ name, latitude_deg, longitude_deg }: Place): string 
 }
 
 export function placeFrom(text: string): Place | null {
-  const match = /^(.{0,200})@(-?\d{1,3}(?:\.\d+)?),(-?\d{1,3}(?:\.\d+)?)$/su.exec(text);
-  if (!match) return null;
-  const [latitude, longitude] = [Number(match[2]), Number(match[3])];
-  if (Math.abs(latitude) > 90 || Math.abs(longitude) > 180) return null;
-  const name = match[1] ?? "";
-  return { name, kind: "", latitude_deg: latitude, longitude_deg: longitude } as Place;
+  const [, name = "", position = ""] = /^(.{0,200})@([^@]*)$/su.exec(text) ?? [];
+  const at = readCoordinates(position);
+  return at && ({ name, kind: "", ...at } as Place);
 }
 
 /** The conditions that differ from the usual ones. */

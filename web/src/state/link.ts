@@ -114,29 +114,15 @@ function tripText({ source, stops, isRound, choice, example, distance }: Trip): 
     ];
   }
   if (distance) {
-    return [
-      ["trip", "distance"],
-      ["distance_m", String(Math.round(distance.distanceM))],
-      ["road", distance.kind],
-    ];
+    const distance_m = String(Math.round(distance.distanceM));
+    return Object.entries({ trip: "distance", distance_m, road: distance.kind });
   }
-  return source === "examples"
-    ? [
-        ["trip", "examples"],
-        ["example", example],
-      ]
-    : [];
+  return source === "examples" ? Object.entries({ trip: "examples", example }) : [];
 }
 
 function carText({ vehicle, model, figures, title, own }: Car): [string, string][] {
-  const parts: [string, string | undefined][] = [
-    ["vehicle", vehicle],
-    ["model", model],
-    ["title", title],
-    ["own", own],
-    ["figures", figures && JSON.stringify(figures)],
-  ];
-  return parts.filter((part): part is [string, string] => part[1] !== undefined && part[1] !== "");
+  const known = { vehicle, model, title, own, figures: figures && JSON.stringify(figures) };
+  return Object.entries(known).filter((part): part is [string, string] => !!part[1]);
 }
 
 /** The link of a trip; empty for one that no link can have: a file, or sections that were typed. */
