@@ -109,12 +109,7 @@ function options({ palette }: Look): ChartOptions {
     ],
     series: [
       {},
-      EDGE,
-      EDGE,
-      EDGE,
-      EDGE,
-      EDGE,
-      EDGE,
+      ...Array.from({ length: 6 }, () => EDGE),
       line(palette.muted, { width: 1.5, dash: [2, 4] }),
       line(palette.other, { dash: [8, 5] }),
       line(palette.main),

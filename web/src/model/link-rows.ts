@@ -13,7 +13,7 @@ export interface LinkRow {
 export const EMPTY_ROW: LinkRow = { lengthM: null, speedMS: null, heightM: null };
 
 /** Links with at least this speed have no stop [m/s]: 54 km/h. */
-const OPEN_ROAD_M_S = 15;
+export const OPEN_ROAD_M_S = 15;
 
 /**
  * The rows as links; empty rows are left out, and a missing value stays missing for the service to name it.

@@ -1,10 +1,9 @@
 /** An invented planned route as an example: a town, country roads, a motorway over a hill, and a town. */
 
 import type { Link } from "../api/documents";
+import { OPEN_ROAD_M_S } from "./link-rows";
 
 const LINK_M = 900;
-/** Links with at least this speed have no stop. */
-const OPEN_ROAD_M_S = 15;
 const START_M = 510;
 
 /** Length [m], speed [m/s], elevation at the end [m]. */

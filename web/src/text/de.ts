@@ -93,7 +93,6 @@ const de: Text = {
   linksForm: {
     caption: "Straßenabschnitte",
     start: "Höhe am Start",
-    heightIn: (unit) => `Höhe, ${unit}`,
     length: (row) => `Länge von Abschnitt ${row}`,
     speed: (row) => `Geschwindigkeit auf Abschnitt ${row}`,
     height: (row) => `Höhe am Ende von Abschnitt ${row}`,
@@ -147,7 +146,6 @@ const de: Text = {
     arriveThere: (range) => `Ankunft dort mit ${range}`,
     reached: (chance) => `mit der Reserve bei ${chance}`,
     preheat: "Batterie auf dem Weg dorthin vorwärmen",
-    assumed: "angenommen",
     plugs: { type2_combo: "CCS", chademo: "CHAdeMO", type2: "Typ 2", type2_cable: "Typ 2" },
     neededBelow: (soc) => `nur nötig, wenn Sie dort weniger als ${soc} haben`,
     ifFull: (station, arrival, more, chance) =>
@@ -157,8 +155,8 @@ const de: Text = {
     longer: (time) => `${time} länger`,
     shorter: (time) => `${time} kürzer`,
     sameEnergy: "gleiche Energie",
-    moreEnergy: (energy) => `${energy} mehr`,
-    lessEnergy: (energy) => `${energy} weniger`,
+    more: (figure) => `${figure} mehr`,
+    less: (figure) => `${figure} weniger`,
     roads: "Routen",
     roadsWithoutStops: "Routen, ohne Ladestopps",
     road: (number) => `Route ${number}`,
@@ -401,8 +399,6 @@ const de: Text = {
     wall: (energy: string) => `braucht ${energy} aus der Steckdose`,
     whole: (time, stops, change) =>
       `die Fahrt dauert dann ${time} mit ${count(stops, { one: "# Ladestopp", other: "# Ladestopps" })}, ${change}`,
-    lessTime: (time) => `${time} weniger`,
-    moreTime: (time) => `${time} mehr`,
     asLong: "etwa so lang wie jetzt",
     why: "Woher das kommt",
     whyCaption: "Was sich ändert, nach Ursachen; die Summe der Teile ist die Ersparnis",
@@ -847,7 +843,6 @@ const de: Text = {
     more: (faults) => `und ${faults} weitere`,
     unreachable: "Der Dienst ist nicht erreichbar",
     unreachableHint: "Prüfen Sie, ob der Dienst läuft.",
-    failed: "Fehler im Dienst",
     page: "Fehler auf dieser Seite",
     titles: {
       "not-json": "Die Anfrage ist kein gültiges JSON",

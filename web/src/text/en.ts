@@ -86,7 +86,6 @@ export const en = {
   linksForm: {
     caption: "Sections of the road",
     start: "Elevation at the start",
-    heightIn: (unit: string) => `Elevation, ${unit}`,
     length: (row: number) => `Length of section ${row}`,
     speed: (row: number) => `Speed on section ${row}`,
     height: (row: number) => `Elevation at the end of section ${row}`,
@@ -139,7 +138,6 @@ export const en = {
     arriveThere: (range: string) => `you arrive there with ${range}`,
     reached: (chance: string) => `with the reserve in ${chance}`,
     preheat: "warm up the battery on the way there",
-    assumed: "assumed",
     plugs: { type2_combo: "CCS", chademo: "CHAdeMO", type2: "Type 2", type2_cable: "Type 2" },
     neededBelow: (soc: string) => `only needed if you have less than ${soc} there`,
     ifFull: (station: string, arrival: string, more: string, chance: string) =>
@@ -149,8 +147,8 @@ export const en = {
     longer: (time: string) => `${time} longer`,
     shorter: (time: string) => `${time} shorter`,
     sameEnergy: "same energy",
-    moreEnergy: (energy: string) => `${energy} more`,
-    lessEnergy: (energy: string) => `${energy} less`,
+    more: (figure: string) => `${figure} more`,
+    less: (figure: string) => `${figure} less`,
     roads: "Routes",
     roadsWithoutStops: "Routes, without charging stops",
     road: (number: number) => `Route ${number}`,
@@ -390,8 +388,6 @@ export const en = {
     wall: (energy: string) => `uses ${energy} from the socket`,
     whole: (time: string, stops: number, change: string) =>
       `the journey then takes ${time} with ${count(stops, { one: "# charging stop", other: "# charging stops" })}, ${change}`,
-    lessTime: (time: string) => `${time} less`,
-    moreTime: (time: string) => `${time} more`,
     asLong: "about as long as now",
     why: "Where it comes from",
     whyCaption: "What changes, by cause; the parts add up to the saving",
@@ -839,7 +835,6 @@ export const en = {
     more: (faults: number) => `and ${faults} more`,
     unreachable: "The service cannot be reached",
     unreachableHint: "Check that the service is running.",
-    failed: "The service failed",
     page: "An error occurred on this page",
     titles: {
       "not-json": "The request is not valid JSON",

@@ -71,7 +71,7 @@ function wholeText({ duration_s, charges }: Whole, now: Whole): string {
   const isSame = Math.abs(more) < Math.max(SAME * now.duration_s, MIN_SHOWN_S);
   const change = isSame
     ? words.asLong
-    : (more < 0 ? words.lessTime : words.moreTime)(duration(Math.abs(more)));
+    : text.value.journey[more < 0 ? "less" : "more"](duration(Math.abs(more)));
   return words.whole(duration(duration_s), charges, change);
 }
 

@@ -5,6 +5,7 @@ import { car, chooseDescribed } from "../state/car";
 import { ENERGY, POWER, type Quantity } from "../model/units";
 import { format, text, units } from "../state/preferences";
 import { FaultList } from "./faults";
+import { typedText } from "./number-field";
 import { Button, put, Submit, submitting, useModal } from "./parts";
 import { Select } from "./select";
 
@@ -102,15 +103,7 @@ export function CarDialog() {
                 inputMode="decimal"
                 min={0}
                 step="any"
-                value={
-                  value == null
-                    ? ""
-                    : Number(
-                        quantity()
-                          .from(value * scale)
-                          .toFixed(digits),
-                      )
-                }
+                value={typedText(value == null ? null : value * scale, quantity(), digits)}
               />
             </label>
           );

@@ -1,7 +1,7 @@
 import type { ComponentChildren } from "preact";
 import { useId } from "preact/hooks";
 
-interface Props<T extends string> {
+interface Props<T extends string | number> {
   label: string;
   value: T;
   options: readonly (readonly [T, ComponentChildren])[];
@@ -11,7 +11,7 @@ interface Props<T extends string> {
 }
 
 /** Exclusive choices side by side, as radio buttons, so that arrow keys work. */
-export function Choice<T extends string>({
+export function Choice<T extends string | number>({
   label,
   value,
   options,

@@ -5,6 +5,7 @@ interface Props {
   label: string;
   class?: string;
   caption?: string;
+  /** Empty for a column without a head. */
   heads: string[];
   /** Rows of cells, or whole rows. */
   children: ComponentChildren;
@@ -18,11 +19,7 @@ export function DataTable({ label, class: kind = "", caption, heads, children }:
         {caption && <caption>{caption}</caption>}
         <thead>
           <tr>
-            {heads.map((head) => (
-              <th key={head} scope="col">
-                {head}
-              </th>
-            ))}
+            {heads.map((head) => (head ? <th key={head} scope="col" children={head} /> : <td key={head} />))}
           </tr>
         </thead>
         <tbody>{children}</tbody>

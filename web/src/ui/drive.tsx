@@ -8,7 +8,7 @@ import { format, text, units } from "../state/preferences";
 import { Choice } from "./choice";
 import { Icon } from "./icons";
 import { HistoryTable } from "./tables";
-import { Stat } from "./parts";
+import { into, Stat } from "./parts";
 
 export function DriveControls() {
   const { drive } = text.value;
@@ -28,11 +28,9 @@ export function DriveControls() {
       <Choice
         label={drive.rate}
         class="small"
-        value={String(rate.value)}
-        options={RATES.map((value) => [String(value), `${value}×`] as const)}
-        onChoose={(value) => {
-          rate.value = Number(value) as typeof rate.value;
-        }}
+        value={rate.value}
+        options={RATES.map((value) => [value, `${value}×`] as const)}
+        onChoose={into(rate)}
       />
       <p class="figures">
         {drive.progress(

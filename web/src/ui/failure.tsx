@@ -15,7 +15,7 @@ function problemText({ type, title, status, detail: given }: Problem): { title: 
   const detail = said(given ?? "");
   if (type === UNREACHABLE) return { title: problems.unreachable, detail: own(problems.unreachableHint) };
   if (type === PAGE_ERROR) return { title: problems.page, detail };
-  if (type === FAILED) return { title: problems.failed, detail: own(problems.status(status)) };
+  if (type === FAILED) return { title: problems.titles.internal, detail: own(problems.status(status)) };
   const titles: Record<string, string> = problems.titles;
   return { title: titles[type?.split("/").at(-1) ?? ""] ?? title, detail };
 }

@@ -8,6 +8,7 @@ import { type Language, LANGUAGES } from "../text";
 import { CarField } from "./car-field";
 import { Choice } from "./choice";
 import { IconButton, into, put } from "./parts";
+import { Select } from "./select";
 
 const THEMES: [Theme, "system" | "sun" | "moon"][] = [
   ["system", "system"],
@@ -59,16 +60,13 @@ function ModelSelect() {
   const { header } = text.value;
   if (choices.value.length < 2 || car.value?.own) return null;
   return (
-    <label class="model">
-      <span class="unseen">{header.model}</span>
-      <select value={car.value?.model ?? ""} onChange={(event) => chooseModel(event.currentTarget.value)}>
-        {choices.value.map((row) => (
-          <option key={row.name} value={row.name}>
-            {header.modelOption(row.name, row.model.trips)}
-          </option>
-        ))}
-      </select>
-    </label>
+    <Select
+      isBare
+      label={header.model}
+      value={car.value?.model ?? ""}
+      options={choices.value.map(({ name, model }) => [name, header.modelOption(name, model.trips)])}
+      onChoose={chooseModel}
+    />
   );
 }
 

@@ -6,6 +6,7 @@ import { answersAreOld, chargingPlans, chosenCharging, chosenRoad, journey } fro
 import { format, text, units } from "../state/preferences";
 import { trip } from "../state/trip";
 import { Choice } from "./choice";
+import { into } from "./parts";
 import { StationActions } from "./station-panel";
 import { chanceInFigures, clockText, rangeWithUnit } from "./wording";
 
@@ -34,7 +35,7 @@ function figuresText(times: readonly number[], energies: readonly number[], inde
       : words[s > s0 ? "longer" : "shorter"](duration(Math.abs(s - s0))),
     Math.abs(wh - wh0) < MIN_SHOWN_WH
       ? words.sameEnergy
-      : words[wh > wh0 ? "moreEnergy" : "lessEnergy"](shown(Math.abs(wh - wh0), ENERGY)),
+      : words[wh > wh0 ? "more" : "less"](shown(Math.abs(wh - wh0), ENERGY)),
   ];
   return parts.join(" · ");
 }
@@ -47,7 +48,7 @@ function Roads({ of }: { of: Journey }) {
   const options = of.roads.map(
     ({ distance_m, whole }, k) =>
       [
-        String(k),
+        k,
         <>
           <b>{labelOf(of, k)}</b>
           <small>
@@ -62,9 +63,9 @@ function Roads({ of }: { of: Journey }) {
     <Choice
       label={text.value.journey.roads}
       class="roads"
-      value={String(chosenRoad.value)}
+      value={chosenRoad.value}
       options={options}
-      onChoose={(road) => chooseRoad(Number(road))}
+      onChoose={chooseRoad}
     />
   );
 }
@@ -78,7 +79,7 @@ function Plans({ plans }: { plans: ChargingPlan[] }) {
   const options = plans.map(
     ({ label, stops }, k) =>
       [
-        String(k),
+        k,
         <>
           <b>{names[label] ?? label}</b>
           <small>
@@ -91,11 +92,9 @@ function Plans({ plans }: { plans: ChargingPlan[] }) {
     <Choice
       label={words.chargingPlans}
       class="roads"
-      value={String(chosenCharging.value)}
+      value={chosenCharging.value}
       options={options}
-      onChoose={(plan) => {
-        chosenCharging.value = Number(plan);
-      }}
+      onChoose={into(chosenCharging)}
     />
   );
 }
@@ -105,7 +104,7 @@ function StopRow({ of }: { of: Stop }) {
   const { shown, span } = format.value;
   const { station, if_full: full } = of;
   const at = clock.value;
-  const known = station.power_known ? "" : ` (${words.assumed})`;
+  const known = station.power_known ? "" : ` (${text.value.map.assumed})`;
   const names: Record<string, string> = words.plugs;
   const plug = station.plug in names ? ` · ${names[station.plug]}` : "";
   const power = station.power_w > 0 ? `${plug} · ${shown(station.power_w, POWER)}${known}` : plug;

@@ -3,6 +3,7 @@ import { EMPTY_ROW, type LinkRow, linksOfRows, rowsOfLinks } from "../model/link
 import { sampleLinks } from "../model/sample-links";
 import { chooseRoute } from "../state/catalogue";
 import { text, units } from "../state/preferences";
+import { DataTable } from "./data-table";
 import { NumberField } from "./number-field";
 import { Button, Fold, IconButton, Submit, submitting } from "./parts";
 
@@ -42,43 +43,34 @@ export function LinksForm() {
         <div class="inline">
           <NumberField label={words.start} value={startM} quantity={height} onChange={setStart} />
         </div>
-        <div class="scroll" tabIndex={0} role="region" aria-label={words.caption}>
-          <table>
-            <thead>
-              <tr>
-                <th scope="col">{distance.unit}</th>
-                <th scope="col">{speed.unit}</th>
-                <th scope="col">{words.heightIn(height.unit)}</th>
-                <td />
-              </tr>
-            </thead>
-            <tbody>
-              {rows.map((row, k) => (
-                <tr key={k}>
-                  {columns.map(({ name, label, quantity, digits }) => (
-                    <td key={name}>
-                      <NumberField
-                        isInTable
-                        label={label(k + 1)}
-                        value={row[name]}
-                        quantity={quantity}
-                        digits={digits}
-                        onChange={(si) => change(k, { [name]: si })}
-                      />
-                    </td>
-                  ))}
-                  <td>
-                    <IconButton
-                      icon="close"
-                      label={words.remove(k + 1)}
-                      onClick={() => setRows(rows.filter((_, other) => other !== k))}
-                    />
-                  </td>
-                </tr>
+        <DataTable
+          label={words.caption}
+          heads={[distance.unit, speed.unit, text.value.tables.elevationIn(height.unit), ""]}
+        >
+          {rows.map((row, k) => (
+            <tr key={k}>
+              {columns.map(({ name, label, quantity, digits }) => (
+                <td key={name}>
+                  <NumberField
+                    isInTable
+                    label={label(k + 1)}
+                    value={row[name]}
+                    quantity={quantity}
+                    digits={digits}
+                    onChange={(si) => change(k, { [name]: si })}
+                  />
+                </td>
               ))}
-            </tbody>
-          </table>
-        </div>
+              <td>
+                <IconButton
+                  icon="close"
+                  label={words.remove(k + 1)}
+                  onClick={() => setRows(rows.filter((_, other) => other !== k))}
+                />
+              </td>
+            </tr>
+          ))}
+        </DataTable>
         <Button onClick={() => setRows([...rows, EMPTY_ROW])} label={words.add} />
         <Submit label={isEmpty ? words.example : words.use} />
       </form>

@@ -15,6 +15,11 @@ interface Props {
   onChange: (si: number | null) => void;
 }
 
+/** A value in SI as one types it; empty for none. */
+export function typedText(si: number | null, quantity: Quantity, digits: number): string {
+  return si === null ? "" : String(Number(quantity.from(si).toFixed(digits)));
+}
+
 /** A number with its unit. */
 export function NumberField({
   label,
@@ -26,7 +31,6 @@ export function NumberField({
   onChange,
 }: Props) {
   const id = useId();
-  const shown = value === null ? "" : String(Number(quantity.from(value).toFixed(digits)));
   return (
     <>
       <label for={id} class={isInTable ? "unseen" : ""}>
@@ -38,7 +42,7 @@ export function NumberField({
           type="number"
           step="any"
           inputMode="decimal"
-          value={shown}
+          value={typedText(value, quantity, digits)}
           aria-invalid={fault !== ""}
           aria-describedby={fault ? `${id}-fault` : undefined}
           onChange={({ currentTarget: { valueAsNumber: typed } }) =>

@@ -51,32 +51,23 @@ function MappingRow({ of, kind, units }: { of: string; kind: KindReading; units:
     <tr>
       <th scope="row">{name}</th>
       <td>
-        <select
-          aria-label={words.columnOf(name)}
+        <Select
+          isBare
+          label={words.columnOf(name)}
           value={now?.column ?? ""}
-          onChange={(event) => change(event.currentTarget.value)}
-        >
-          <option value="">{words.noColumn}</option>
-          {kind.columns.map((column) => (
-            <option key={column} value={column}>
-              {column}
-            </option>
-          ))}
-        </select>
+          options={[["", words.noColumn], ...kind.columns.map((column) => [column, column] as const)]}
+          onChoose={(column) => change(column)}
+        />
       </td>
       <td>
         {now && (
-          <select
-            aria-label={words.unitOf(name)}
+          <Select
+            isBare
+            label={words.unitOf(name)}
             value={now.unit}
-            onChange={(event) => change(now.column, event.currentTarget.value)}
-          >
-            {units.map((unit) => (
-              <option key={unit} value={unit}>
-                {UNIT_NAMES[unit] ?? unit}
-              </option>
-            ))}
-          </select>
+            options={units.map((unit) => [unit, UNIT_NAMES[unit] ?? unit])}
+            onChoose={(unit) => change(now.column, unit)}
+          />
         )}
       </td>
       <td class="why">{now && <Said of={now.why} />}</td>

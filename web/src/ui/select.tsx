@@ -1,5 +1,7 @@
 interface Props<T extends string> {
   label: string;
+  /** Whether the label is for assistive tools only. */
+  isBare?: boolean;
   /** Name in a form that reads its fields itself. */
   name?: string;
   value: T;
@@ -8,11 +10,23 @@ interface Props<T extends string> {
 }
 
 /** One of a few words, with its label. */
-export function Select<T extends string>({ label, name, value, options, onChoose }: Props<T>) {
+export function Select<T extends string>({
+  label,
+  isBare = false,
+  name,
+  value,
+  options,
+  onChoose,
+}: Props<T>) {
   return (
-    <label class="field">
-      <span>{label}</span>
-      <select name={name} value={value} onChange={(event) => onChoose?.(event.currentTarget.value as T)}>
+    <label class={isBare ? "" : "field"}>
+      {!isBare && <span>{label}</span>}
+      <select
+        name={name}
+        value={value}
+        aria-label={isBare ? label : undefined}
+        onChange={(event) => onChoose?.(event.currentTarget.value as T)}
+      >
         {options.map(([option, text]) => (
           <option key={option} value={option}>
             {text}
