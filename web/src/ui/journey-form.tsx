@@ -1,7 +1,8 @@
 import { batch, signal } from "@preact/signals";
-import { useId, useRef, useState } from "preact/hooks";
+import { useId, useMemo } from "preact/hooks";
 import { findPlaces } from "../api/client";
 import type { Place } from "../api/documents";
+import { Latest } from "../api/latest";
 import { placeCalled } from "../model/places";
 import { type End, type Field, readCoordinates } from "../model/road";
 import { chooseJourney } from "../state/catalogue";
@@ -22,13 +23,12 @@ import {
 } from "../state/journey";
 import { osmKind } from "../state/messages";
 import { text } from "../state/preferences";
+import { Combobox, type Option } from "./combobox";
 import { Covers } from "./covers";
 import { FaultList } from "./faults";
 import { Button, IconButton, Submit, submitting, Tick } from "./parts";
 
-const PAUSE_MS = 120;
-// eslint-disable-next-line page/text -- names of keys
-const [ENTER, ESCAPE] = ["Enter", "Escape"];
+const MIN_INTERVAL_MS = 120;
 
 /** Places for a text: coordinates, or names where the service knows them. */
 async function placesFor(words: string, signal: AbortSignal): Promise<Place[]> {
@@ -91,113 +91,79 @@ async function plan(): Promise<void> {
   chooseJourney();
 }
 
-/** A field that suggests places while one types: arrow keys move, Enter takes, Escape closes. */
-function PlaceField({ label, end, onRemove }: { label: string; end: Field; onRemove?: () => void }) {
-  const id = useId();
-  const chosen = placeOf(end);
-  const places = suggested.value[end] ?? [];
-  const lacks = unknown.value[end] ?? "";
-  const setFound = (places: Place[]) => {
-    suggest(end, places);
-  };
-  const wrong = faults.value.get(stopField(fieldsOfJourney().indexOf(end))) ?? [];
-  const [active, setActive] = useState(0);
-  const pending = useRef<{ timer: number; request: AbortController } | null>(null);
-  const open = places.length > 0;
-  const { journey: words } = text.value;
+/** Suggests places for what is written in a field. */
+function searchFor(end: Field): Latest<string> {
+  const search = new Latest<string>(async (words, signal) => {
+    try {
+      const places = await placesFor(words, signal);
+      if (signal.aborted || search.isWaiting) return;
+      suggest(end, places);
+      if (places.length === 0) unknown.value = { ...unknown.value, [end]: words.trim() };
+    } catch (error) {
+      reportProblem(error);
+    }
+  }, MIN_INTERVAL_MS);
+  return search;
+}
 
-  const take = (place: Place) => {
+function optionOf(end: Field, place: Place): Option {
+  const { also_called: other, context } = place;
+  const also = other && ` — ${text.value.journey.alsoCalled(other)}`;
+  const take = () => {
     write(end, place.name);
-    setFound([]);
     setPlace(end, place);
   };
-  /** Ask no more: what arrives late would open the list of a field that was left. */
-  const forget = () => {
-    pending.current?.request.abort();
-    window.clearTimeout(pending.current?.timer);
+  return {
+    key: `${place.name}${place.latitude_deg}`,
+    name: place.name,
+    detail: `${also}${context && `, ${context}`}${place.kind && ` · ${kindOf(place)}`}`,
+    take,
   };
-  const type = (now: string) => {
-    write(end, now);
-    if (placeOf(end)) setPlace(end, null);
-    if (isEnd(end)) nextEnd.value = end;
-    forget();
-    const request = new AbortController();
-    const ask = async () => {
-      try {
-        const places = await placesFor(now, request.signal);
-        if (request.signal.aborted) return;
-        setFound(places);
-        setActive(0);
-        if (places.length === 0) unknown.value = { ...unknown.value, [end]: now.trim() };
-      } catch (error) {
-        reportProblem(error);
-      }
-    };
-    pending.current = { timer: window.setTimeout(() => void ask(), PAUSE_MS), request };
-  };
-  const press = (event: KeyboardEvent) => {
-    const place = places[active];
-    if (!open || !place) return;
-    if (event.key === "ArrowDown") setActive((active + 1) % places.length);
-    else if (event.key === "ArrowUp") setActive((active + places.length - 1) % places.length);
-    else if (event.key === ENTER) take(place);
-    else if (event.key === ESCAPE) setFound([]);
-    else return;
-    event.preventDefault();
-  };
+}
+
+/** A field that suggests places while one types. */
+function PlaceField({ label, end, onRemove }: { label: string; end: Field; onRemove?: () => void }) {
+  const id = useId();
+  const search = useMemo(() => searchFor(end), [end]);
+  const chosen = placeOf(end);
+  const options = (suggested.value[end] ?? []).map((place) => optionOf(end, place));
+  const lacks = unknown.value[end] ?? "";
+  const wrong = faults.value.get(stopField(fieldsOfJourney().indexOf(end))) ?? [];
+  const { journey: words } = text.value;
   return (
     <div class={`place ${onRemove ? "place-via" : `place-${end}`}`}>
       <label for={id}>{label}</label>
       {onRemove && <IconButton icon="close" label={words.removeVia(label)} onClick={onRemove} />}
-      <input
+      <Combobox
         id={id}
-        role="combobox"
-        autocomplete="off"
-        spellcheck={false}
-        aria-expanded={open}
-        aria-controls={`${id}-list`}
-        aria-autocomplete="list"
-        aria-activedescendant={open ? `${id}-${active}` : undefined}
-        aria-invalid={lacks !== "" || wrong.length > 0}
+        label={label}
         value={chosen?.name ?? typed.value[end] ?? ""}
         placeholder={map.value?.places ? words.hint : words.hintCoordinates}
-        onInput={(event) => type(event.currentTarget.value)}
-        onKeyDown={press}
-        onFocus={(event) => {
+        maxLength={200}
+        isWrong={lacks !== "" || wrong.length > 0}
+        options={options}
+        onType={(now) => {
+          write(end, now);
+          if (placeOf(end)) setPlace(end, null);
+          if (isEnd(end)) nextEnd.value = end;
+          search.submit(now);
+        }}
+        onFocus={(input) => {
           // what is typed replaces the place that is there
-          if (chosen) event.currentTarget.select();
+          if (chosen) input.select();
           if (isEnd(end)) nextEnd.value = end;
         }}
-        onBlur={() => {
-          forget();
-          setFound([]);
+        onClose={() => {
+          search.cancel(); // what arrives late would open the list of a field that was left
+          suggest(end, []);
         }}
       />
       <p class="faults" role="status">
         {lacks && words.unknown(lacks)}
-        {lacks && (open ? ` ${words.choose}` : <Covers />)}
+        {lacks && (options.length > 0 ? ` ${words.choose}` : <Covers />)}
         {!lacks && chosen?.kind && <span class="kind">{kindOf(chosen)}</span>}
       </p>
       <FaultList faults={wrong} />
-      <ul id={`${id}-list`} role="listbox" aria-label={label} hidden={!open}>
-        {places.map((place, k) => (
-          <li
-            key={`${place.name}${place.latitude_deg}`}
-            id={`${id}-${k}`}
-            role="option"
-            aria-selected={k === active}
-            onMouseDown={(event) => {
-              event.preventDefault();
-              take(place);
-            }}
-          >
-            {place.name}
-            {place.also_called && <span class="kind">{` — ${words.alsoCalled(place.also_called)}`}</span>}
-            {place.context && <span class="kind">{`, ${place.context}`}</span>}
-            {place.kind && <span class="kind">{` · ${kindOf(place)}`}</span>}
-          </li>
-        ))}
-      </ul>
     </div>
   );
 }
