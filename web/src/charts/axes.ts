@@ -23,8 +23,6 @@ interface AxisOptions {
   grid?: boolean;
   /** Text of a tick. */
   text: (value: number) => string;
-  /** Width or height of the axis [px]. */
-  size?: number;
   space?: number;
 }
 
@@ -35,7 +33,7 @@ export function axis(of: AxisOptions): uPlot.Axis {
     stroke: of.palette.muted,
     font: FONT,
     gap: 6,
-    size: of.size ?? (of.scale === "x" ? 30 : 46),
+    size: of.scale === "x" ? 30 : 46,
     space: of.space ?? (of.scale === "x" ? 70 : 42),
     grid: { show: of.grid ?? true, stroke: of.palette.grid, width: 1 },
     ticks: { show: false },

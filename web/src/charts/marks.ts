@@ -10,8 +10,6 @@ export interface Mark {
   text: string;
   x?: number;
   y?: number;
-  /** Scale of `y`. */
-  scale?: string;
   /** Side of the point on which the text is placed. */
   at?: "above" | "below" | "left" | "right";
 }
@@ -27,7 +25,7 @@ export function placeMarks(plot: uPlot, marks: Mark[]): void {
     text.textContent = mark.text;
     element.append(text);
     if (mark.x !== undefined) element.style.left = `${plot.valToPos(mark.x, "x")}px`;
-    if (mark.y !== undefined) element.style.top = `${plot.valToPos(mark.y, mark.scale ?? "y")}px`;
+    if (mark.y !== undefined) element.style.top = `${plot.valToPos(mark.y, "y")}px`;
     element.classList.toggle("mark-line-x", mark.y === undefined);
     element.classList.toggle("mark-line-y", mark.x === undefined);
     plot.over.append(element);

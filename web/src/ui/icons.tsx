@@ -6,7 +6,6 @@ const PATHS = {
   replay: "M4 12a8 8 0 1 0 2.6-5.9M4 4v4.5h4.5",
   upload: "M12 16V4M7 9l5-5 5 5M4 16v4h16v-4",
   road: "M8 20 10 4M16 20 14 4M12 6v2M12 11v2M12 16v2",
-  list: "M9 6h11M9 12h11M9 18h11M4.5 6h.01M4.5 12h.01M4.5 18h.01",
   warning: "M12 4 2.5 20h19zM12 10v4.5M12 17.2v.1",
   info: "M12 3a9 9 0 1 0 0 18 9 9 0 0 0 0-18zM12 11v5.5M12 7.7v.1",
   wheel:

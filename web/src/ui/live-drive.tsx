@@ -199,7 +199,7 @@ function Car({ of }: { of: LiveCar }) {
             </Stat>
           )}
         </dl>
-        {flags.length > 0 && <Warnings flags={flags} others={[]} serious={null} />}
+        {flags.length > 0 && <Warnings flags={flags} serious={null} />}
         {of.plan !== "given" && <PlanButton />}
         {of.plan === "usual" && <p class="note">{words.usual}</p>}
         {of.faults.length > 0 && (

@@ -118,7 +118,7 @@ export function NeedAnswer() {
           <b>{others.sure}</b> {words.basis}
         </summary>
         <p class="note">{doubtText(needed.doubt)}</p>
-        <Warnings flags={flags} others={[]} serious={null} />
+        <Warnings flags={flags} serious={null} />
       </details>
     </div>
   );

@@ -7,13 +7,13 @@ import { Said } from "./said";
 interface Props {
   flags: Flag[];
   /** Flags of the second forecast of a comparison. */
-  others: Flag[];
+  others?: Flag[];
   /** Null for both. */
   serious: boolean | null;
 }
 
 /** Warnings (`serious`) or notes of a forecast, or both. */
-export function Warnings({ flags, others, serious }: Props) {
+export function Warnings({ flags, others = [], serious }: Props) {
   const wording = { text: text.value, format: format.value, units: units.value };
   const { flags: words, compare } = text.value;
   const own = warningsOf(flags, wording);
