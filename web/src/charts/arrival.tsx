@@ -1,6 +1,6 @@
 /** Battery charge on arrival as twenty equally likely dots. */
 
-import { useMemo } from "preact/hooks";
+import { useMemo, useRef } from "preact/hooks";
 import type uPlot from "uplot";
 import type { Forecast } from "../api/documents";
 import { equallyLikely } from "../model/arrival";
@@ -58,7 +58,6 @@ function dotsOf(forecast: Forecast, shared: Forecast[], reserveSoc: number): Dot
     kept.push(soc >= reserve ? height + 0.5 : null);
     missed.push(soc < reserve ? height + 0.5 : null);
   }
-  ranges.set(kept, [from, to]);
   return { data: [xs, kept, missed], from, to, stack: Math.max(...heights.values()), reserveInside };
 }
 
@@ -83,6 +82,8 @@ export function ArrivalChart({ forecast, shared, isOther = false, reserve, heigh
     () => dotsOf(forecast, shared, reserve),
     [forecast, shared.length, shared.at(-1), reserve],
   );
+  const latest = useRef(dots); // options outlive the data
+  latest.current = dots;
   const options = ({ palette, width }: Look): ChartOptions => {
     const size = dotSize(width, height, dots.stack);
     const series = (fill: string): uPlot.Series => ({
@@ -92,7 +93,7 @@ export function ArrivalChart({ forecast, shared, isOther = false, reserve, heigh
     return {
       padding: [18, PADDING, 0, PADDING],
       scales: {
-        x: { time: false, range: (plot) => rangeOf(plot.data) },
+        x: { time: false, range: () => [latest.current.from, latest.current.to] },
         y: { range: () => [0, (height - FRAME_PX) / (size + 1)] },
       },
       axes: [
@@ -120,13 +121,6 @@ export function ArrivalChart({ forecast, shared, isOther = false, reserve, heigh
       }}
     />
   );
-}
-
-/** Ranges by the column of kept dots: uPlot calls `range` with its data only. */
-const ranges = new WeakMap<object, [number, number]>();
-
-function rangeOf(data: uPlot.AlignedData): [number, number] {
-  return ranges.get(data[1] as object) ?? [0, 100];
 }
 
 function marks({ reserveInside, from, to }: DotPlot, reserve: number): Mark[] {

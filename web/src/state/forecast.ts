@@ -197,6 +197,10 @@ const runner = new Latest<ForecastJob>(async (job, signal) => {
   }
 }, MIN_INTERVAL_MS);
 
+function clear(): void {
+  departure.value = alternative.value = profile.value = leaving.value = journey.value = null;
+}
+
 let lastTrip: Trip | null = null;
 
 export function keepForecasting(): void {
@@ -206,10 +210,7 @@ export function keepForecasting(): void {
       // nothing of a trip that was left stays up
       runner.cancel();
       lastTrip = null;
-      batch(() => {
-        departure.value = alternative.value = profile.value = leaving.value = journey.value = null;
-      });
-      return;
+      return batch(clear);
     }
     const at = conditions.value;
     const compares = mode.value === "compare";
@@ -219,8 +220,8 @@ export function keepForecasting(): void {
       lastTrip = now;
       if (!moves) {
         batch(() => {
-          journey.value = null;
-          departure.value = alternative.value = profile.value = problem.value = leaving.value = null;
+          clear();
+          problem.value = null;
         });
       }
     }

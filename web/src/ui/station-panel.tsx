@@ -34,20 +34,16 @@ export function StationActions({ of }: { of: Station }) {
   if (!placesOfJourney()) return null;
   return (
     <span class="actions">
-      {isStop ? (
-        <Button class="link" onClick={() => passBy(place)} label={words.passBy} />
-      ) : (
-        <Button
-          class="link"
-          onClick={() => stopAt(place)}
-          label={isPlanned ? words.keepStop : words.stopHere}
-        />
-      )}
-      {isAvoided ? (
-        <Button class="link" onClick={() => useAgain(place)} label={words.useAgain} />
-      ) : (
-        <Button class="link" onClick={() => avoid(place)} label={words.avoid} />
-      )}
+      <Button
+        class="link"
+        onClick={() => (isStop ? passBy : stopAt)(place)}
+        label={isStop ? words.passBy : isPlanned ? words.keepStop : words.stopHere}
+      />
+      <Button
+        class="link"
+        onClick={() => (isAvoided ? useAgain : avoid)(place)}
+        label={isAvoided ? words.useAgain : words.avoid}
+      />
     </span>
   );
 }
