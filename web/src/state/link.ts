@@ -2,32 +2,20 @@
 
 import { effect, untracked } from "@preact/signals";
 import { FIELDS } from "../../generated/fields";
-import type { Place } from "../api/documents";
+import { Latest } from "../api/latest";
 import { notPast } from "../model/clock";
-import { type Kind, KINDS } from "../model/distance";
+import { KINDS } from "../model/distance";
 import { changedFrom, changedText, figuresFrom, type LinkValue, placeFrom, placeText } from "../model/link";
-import { STATION_KIND, type StationChoice } from "../model/stations";
+import { STATION_KIND } from "../model/stations";
 import { type Car, car } from "./car";
 import { BEFORE_DEPARTURE, type Conditions, conditions, USUAL } from "./conditions";
 import { isExample } from "./journey";
 import { readStored, writeStored } from "./preferences";
-import { type Source, type Trip, trip } from "./trip";
+import { type Trip, trip } from "./trip";
 
 const KEY = "tripwatt.last";
 /** Between two writes; browsers allow few in a short time. */
 const REST_MS = 400;
-
-/** What a link has. */
-export interface Linked {
-  source: Source | null;
-  places: Place[] | null;
-  round: boolean;
-  choice: StationChoice;
-  example: string;
-  distance: { distanceM: number; kind: Kind } | null;
-  conditions: Conditions;
-  car: Partial<Car> | null;
-}
 
 type Names = keyof Conditions;
 
@@ -67,8 +55,11 @@ function carFrom(link: URLSearchParams): Partial<Car> | null {
   };
 }
 
+/** What a link has. */
+export type Linked = NonNullable<ReturnType<typeof readLink>>;
+
 /** What the text of a link has; null for a text that is none. */
-export function readLink(hash: string): Linked | null {
+export function readLink(hash: string) {
   const link = new URLSearchParams(hash.replace(/^#/, ""));
   const found = link.get("trip");
   if (found === null) return null;
@@ -122,7 +113,7 @@ function tripText({ source, stops, isRound, choice, example, distance }: Trip): 
 
 function carText({ vehicle, model, figures, title, own }: Car): [string, string][] {
   const known = { vehicle, model, title, own, figures: figures && JSON.stringify(figures) };
-  return Object.entries(known).filter((part): part is [string, string] => !!part[1]);
+  return Object.entries(known).filter((part): part is [string, string] => !!part[1] || part[0] === "vehicle");
 }
 
 /** The link of a trip; empty for one that no link can have: a file, or sections that were typed. */
@@ -133,9 +124,7 @@ export function linkOf(of: Trip, at: Conditions, by: Car | null): string {
     at as unknown as Record<string, LinkValue>,
     USUAL as unknown as Record<string, LinkValue>,
   );
-  const car = by ? carText(by) : [];
-  if (by?.vehicle === "") car.unshift(["vehicle", ""]);
-  return `#${new URLSearchParams([...road, ...changed, ...car]).toString()}`;
+  return `#${new URLSearchParams([...road, ...changed, ...(by ? carText(by) : [])]).toString()}`;
 }
 
 /** Whether the page is a link's place in the history: another trip begins a new entry. */
@@ -143,7 +132,6 @@ let entered: Trip | null = null;
 
 /** Keep the address of the page, and the link of the next visit, up to date. `open` shows a link of the history. */
 export function keepLink(open: (linked: Linked) => void): void {
-  let timer = 0;
   let isDue = false;
   const write = () => {
     const now = trip.peek();
@@ -158,17 +146,10 @@ export function keepLink(open: (linked: Linked) => void): void {
     if (isNew) history.pushState(null, "", address);
     else history.replaceState(null, "", address);
   };
-  const rest = () => {
-    timer = 0;
-    if (isDue) writeAndRest();
-  };
-  const writeAndRest = () => {
-    write();
-    timer = window.setTimeout(rest, REST_MS);
-  };
+  const writer = new Latest<true>(async () => write(), REST_MS);
   effect(() => {
     isDue = !!(trip.value && !trip.value.isDraft && conditions.value && car.value);
-    if (isDue && timer === 0) untracked(writeAndRest);
+    if (isDue) untracked(() => writer.submit(true));
   });
   // who leaves the page within the rest finds the last change again
   window.addEventListener("pagehide", write);

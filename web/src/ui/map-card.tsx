@@ -2,6 +2,7 @@ import { type Signal, untracked, useSignal, useSignalEffect } from "@preact/sign
 import { useEffect, useRef } from "preact/hooks";
 import { tilesUrl, tokenHeaders, viewMap } from "../api/client";
 import type { Journey, MapView, Place, Road, Station } from "../api/documents";
+import { Latest } from "../api/latest";
 import { coloursOf } from "../charts/palette";
 import type { Feature, Mark, RoadMap } from "../map/road-map";
 import { warningsOf } from "../model/flags";
@@ -48,7 +49,7 @@ import { StationList, StationPanel, Wishes } from "./station-panel";
 
 /** A place far from its road, among the flags of a journey. */
 const FAR = "far_from_road";
-const VIEW_PAUSE_MS = 150;
+const MIN_INTERVAL_MS = 150;
 // eslint-disable-next-line page/text -- a font
 const FONT = "Inter Variable";
 
@@ -126,22 +127,13 @@ function MapCanvas({
   useEffect(() => {
     let isGone = false;
     let created: RoadMap | null = null;
-    let timer = 0;
-    let request = new AbortController();
-    const look = (bounds: Bounds) => {
-      request.abort();
-      request = new AbortController();
-      window.clearTimeout(timer);
-      const { signal } = request;
-      timer = window.setTimeout(() => {
-        viewMap(bounds, signal).then(
-          (part) => {
-            view.value = part;
-          },
-          () => undefined, // names are an addition: the map is complete without them
-        );
-      }, VIEW_PAUSE_MS);
-    };
+    const looks = new Latest<Bounds>(async (bounds, signal) => {
+      try {
+        view.value = await viewMap(bounds, signal);
+      } catch {
+        return; // names are an addition: the map is complete without them
+      }
+    }, MIN_INTERVAL_MS);
     void Promise.all([import("../map/road-map"), import("maplibre-gl")])
       .then(([{ MAP_COLOURS, RoadMap: Made }, library]) => {
         const container = box.current;
@@ -167,7 +159,7 @@ function MapCanvas({
             },
             onOther: chooseRoad,
             onStation,
-            onView: look,
+            onView: (bounds) => looks.submit(bounds),
           },
         });
         made.value = created;
@@ -175,8 +167,7 @@ function MapCanvas({
       .catch(onFail);
     return () => {
       isGone = true;
-      window.clearTimeout(timer);
-      request.abort();
+      looks.cancel();
       created?.remove();
       made.value = null;
     };
