@@ -16,8 +16,6 @@ export const CAUSES = {
   correction: "learned",
 } satisfies Record<string, Group>;
 
-export type CauseKey = keyof typeof CAUSES;
-
 /** Parts below this share of the sum of all magnitudes are left out. */
 const MIN_SHARE = 0.002;
 

@@ -41,18 +41,11 @@ export function trendOf(diary: readonly Measured[]): Trend {
   };
 }
 
-export interface Reasons {
-  /** Trips that have no heights, and no outside temperature. */
-  flat: number;
-  withoutAir: number;
-  isYoung: boolean;
-}
-
-/** What makes the ranges of the forecasts wider than they need to be. */
+/** What makes the ranges of the forecasts wider than they need to be: trips without heights, or without outside temperature, and few trips. */
 export function reasonsOf(
   diary: readonly Pick<DiaryEntry, "has_heights" | "ambient_temperature_degc">[],
   learned: number,
-): Reasons {
+) {
   return {
     flat: diary.filter((row) => row.has_heights === false).length,
     withoutAir: diary.filter((row) => row.ambient_temperature_degc === null).length,

@@ -2,6 +2,7 @@
 
 import type { Link } from "../api/documents";
 import { ROADS } from "../../generated/roads";
+import type { Verdict } from "./arrival";
 
 export type Kind = "city" | "country" | "mixed" | "motorway";
 export type RoadType = "town" | "country" | "motorway";
@@ -24,13 +25,10 @@ export function sharesOver(distanceM: number, kind: Kind): Record<RoadType, numb
 const LINK_M = 1000;
 
 /** A charge beside the one that is needed, a reserve included: what is missing, what is left at arrival, and the verdict. */
-export function sufficing(
-  soc: number,
-  needed: number,
-  reserve: number,
-): { lacking: number; left: number; verdict: "good" | "open" | "bad" } {
+export function sufficing(soc: number, needed: number, reserve: number) {
   const left = soc - needed + reserve;
-  return { lacking: needed - soc, left, verdict: soc >= needed ? "good" : left >= 0 ? "open" : "bad" };
+  const verdict: Verdict = soc >= needed ? "good" : left >= 0 ? "open" : "bad";
+  return { lacking: needed - soc, left, verdict };
 }
 
 /** Links of a trip from town to town: town, country road, motorway, country road, town, of unknown heights. */

@@ -5,30 +5,14 @@ import type { Quantity } from "./units";
 const NO_BREAK = "\u00a0";
 const MIN_S_IN_MINUTES = 90;
 
-export interface Format {
-  locale: string;
-  /** The number alone. */
-  figure: (value: number, digits: number) => string;
-  /** The number without trailing zeros. */
-  plain: (value: number, digits: number) => string;
-  /** A difference, always with its sign. */
-  signed: (value: number, digits: number) => string;
-  /** Number and unit; the space between them does not break. */
-  shown: (si: number, quantity: Quantity, digits?: number) => string;
-  /** Hours and minutes. */
-  duration: (seconds: number) => string;
-  /** Seconds below a minute and a half, else hours and minutes. */
-  span: (seconds: number) => string;
-  /** "a, b and c". */
-  list: (parts: string[]) => string;
-}
-
 function trueMinus(text: string): string {
   return text.replace("-", "−");
 }
 
+export type Format = ReturnType<typeof formatFor>;
+
 /** Formatters of a locale; each is created when it is first used. */
-export function formatFor(locale: string): Format {
+export function formatFor(locale: string) {
   const formatters = new Map<string, Intl.NumberFormat>();
   const number = (minDigits: number, maxDigits: number, signDisplay: "negative" | "exceptZero") => {
     const key = `${minDigits} ${maxDigits} ${signDisplay}`;
@@ -53,16 +37,23 @@ export function formatFor(locale: string): Format {
   };
   return {
     locale,
+    /** The number alone. */
     figure,
-    plain: (value, digits) => trueMinus(number(0, digits, "negative").format(value)),
-    signed: (value, digits) => trueMinus(number(digits, digits, "exceptZero").format(value)),
-    shown: (si, quantity, digits = quantity.digits) =>
+    /** The number without trailing zeros. */
+    plain: (value: number, digits: number) => trueMinus(number(0, digits, "negative").format(value)),
+    /** A difference, always with its sign. */
+    signed: (value: number, digits: number) => trueMinus(number(digits, digits, "exceptZero").format(value)),
+    /** Number and unit; the space between them does not break. */
+    shown: (si: number, quantity: Quantity, digits = quantity.digits) =>
       `${figure(quantity.from(si), digits)}${NO_BREAK}${quantity.unit}`,
+    /** Hours and minutes. */
     duration,
-    span: (seconds) =>
+    /** Seconds below a minute and a half, else hours and minutes. */
+    span: (seconds: number) =>
       seconds < MIN_S_IN_MINUTES
         ? `${figure(Math.max(Math.round(seconds), 1), 0)}${NO_BREAK}s`
         : duration(seconds),
-    list: (parts) => lists.format(parts),
+    /** "a, b and c". */
+    list: (parts: string[]) => lists.format(parts),
   };
 }

@@ -8,13 +8,8 @@ const LINK_M = 250;
 /** A slower car stands. */
 const STANDS_M_S = 0.5;
 
-export interface LinksOfRoad {
-  links: Link[];
-  elevation: { position_m: number[]; elevation_m: number[] } | null;
-}
-
 /** Links of about 250 m with the time that the profile takes, and the elevation at their ends. */
-export function linksOfProfile({ timeS, distanceM, speedMS, elevationM }: Profile): LinksOfRoad {
+export function linksOfProfile({ timeS, distanceM, speedMS, elevationM }: Profile) {
   const links: Link[] = [];
   const position_m = [0];
   const elevation_m = [elevationM?.[0] ?? Number.NaN];

@@ -16,13 +16,7 @@ const MIN_INTERVAL_MS = 600;
 export const advice = signal<Advice | null>(null);
 export const adviceIsOld = signal(false);
 
-interface Job {
-  of: Trip;
-  at: Conditions;
-  by: Car | null;
-}
-
-const runner = new Latest<Job>(async ({ of, at, by }, signal) => {
+const runner = new Latest<{ of: Trip; at: Conditions; by: Car | null }>(async ({ of, at, by }, signal) => {
   try {
     const found = of.stops
       ? await findJourneyAdvice({ ...journeyRequest(of, at, by), alternatives: ALTERNATIVES }, signal)

@@ -19,22 +19,13 @@ const MIN_OBSERVED_S = 5;
 
 export const RATES = [30, 60, 120] as const;
 
-/** The charge on arrival as forecast at one time of the trip. */
-export interface HistoryPoint {
-  timeS: number;
-  distanceM: number;
-  soc: number;
-  low: number;
-  high: number;
-  naive: number | null;
-}
-
 export const playing = signal(false);
 export const rate = signal<(typeof RATES)[number]>(60);
 /** Time of the replay since departure. */
 export const timeS = signal(0);
 export const update = signal<Forecast | null>(null);
-export const history = signal<HistoryPoint[]>([]);
+/** The charge on arrival as forecast at times of the trip. */
+export const history = signal<ReturnType<typeof historyPointOf>[]>([]);
 
 /** The reason why the trip cannot be replayed; null when it can. */
 export const driveObstacle = computed<"notMeasured" | "otherCar" | null>(() => {
@@ -55,11 +46,6 @@ export const arrived = computed(() => durationS.value > 0 && timeS.value >= dura
 /** The forecast that is shown: the latest update during a drive, else the forecast at departure. */
 export const shownForecast = computed(() => (driving.value && update.value ? update.value : departure.value));
 
-interface UpdateJob {
-  trip: Trip;
-  timeS: number;
-}
-
 let energy: { of: Trip; wh: Float64Array | null } | null = null;
 
 function energyOf(of: Trip): Float64Array | null {
@@ -67,7 +53,7 @@ function energyOf(of: Trip): Float64Array | null {
   return energy.wh;
 }
 
-function historyPointOf(forecast: Forecast, of: Trip): HistoryPoint {
+function historyPointOf(forecast: Forecast, of: Trip) {
   const at = forecast.measured_until_s;
   const [low, high] = arrivalBand(forecast);
   const wh = energyOf(of);
@@ -82,7 +68,7 @@ function historyPointOf(forecast: Forecast, of: Trip): HistoryPoint {
   };
 }
 
-const runner = new Latest<UpdateJob>(async (job, signal) => {
+const runner = new Latest<{ trip: Trip; timeS: number }>(async (job, signal) => {
   const observed = samplesUntil(job.trip.observed ?? {}, job.timeS) as UpdateRequest["observed"];
   try {
     const forecast = await requestUpdate(

@@ -144,12 +144,7 @@ export function mergedJourney(
   };
 }
 
-interface ReachJob {
-  from: Place;
-  at: Conditions;
-}
-
-const runner = new Latest<ReachJob>(async ({ from, at }, signal) => {
+const runner = new Latest<{ from: Place; at: Conditions }>(async ({ from, at }, signal) => {
   isFindingReach.value = true;
   try {
     const body = { start: stopOf(from), ...fieldsOfCar(car.value), ...conditionsOfJourney(at) };

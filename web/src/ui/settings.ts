@@ -7,14 +7,6 @@ import { units } from "../state/preferences";
 
 export type SettingName = Extract<NumberName, AskedName> | "reserve" | "stopOverheadS" | "motorwayMS";
 
-export interface Setting {
-  quantity: Quantity;
-  /** In SI. */
-  limits: readonly [number, number];
-  /** In the unit that is shown. */
-  step: number;
-}
-
 const KM_H = 1 / 3.6;
 
 /** Sliders that do not go from bound to bound of their field in steps of one. */
@@ -40,6 +32,7 @@ function tableOf(name: SettingName): { quantity: Quantity; limits: [number, numb
   return { quantity: quantityIn(unit, units.value), limits: [minimum, maximum] };
 }
 
-export function settingOf(name: SettingName): Setting {
+/** Quantity, limits in SI, and the step in the unit that is shown. */
+export function settingOf(name: SettingName) {
   return { step: 1, ...tableOf(name), ...SLIDERS[name] };
 }
