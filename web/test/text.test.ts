@@ -88,8 +88,6 @@ const ALIKE = [
   "/conditions/fields/wind_speed_m_s",
   "/conditions/garage",
   "/result/reserve",
-  "/result/reserveBelow",
-  "/result/reserveAbove",
   "/drive/start",
   "/drive/pause",
   "/ownCars/name",

@@ -126,8 +126,9 @@ export function ArrivalChart({ forecast, shared, isOther = false, reserve, heigh
 function marks({ reserveInside, from, to }: DotPlot, reserve: number): Mark[] {
   const { result } = text.value;
   const level = format.value.shown(reserve, PERCENT);
-  if (reserveInside) return [{ kind: "reserve", text: result.reserve(level), x: PERCENT.from(reserve) }];
+  const label = result.reserve(level);
+  if (reserveInside) return [{ kind: "reserve", text: label, x: PERCENT.from(reserve) }];
   const below = PERCENT.from(reserve) < from;
-  const aside = below ? result.reserveBelow(level) : result.reserveAbove(level);
+  const aside = below ? `← ${label}` : `${label} →`;
   return [{ kind: "aside", text: aside, x: below ? from : to, at: below ? "right" : "left" }];
 }

@@ -305,8 +305,6 @@ export class RoadMap {
       style: styleOf(options),
       attributionControl: false,
       dragRotate: false,
-      pitchWithRotate: false,
-      touchPitch: false,
       maxPitch: 0,
       zoom: START_ZOOM,
       ...(bounds && { bounds: ordered(bounds), fitBoundsOptions: { padding: 28 } }),

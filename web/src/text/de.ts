@@ -308,8 +308,6 @@ const de: Text = {
       links: "Geben Sie die Straßenabschnitte ein.",
     },
     reserve: (reserve) => `Reserve ${reserve}`,
-    reserveBelow: (reserve) => `← Reserve ${reserve}`,
-    reserveAbove: (reserve) => `Reserve ${reserve} →`,
     empty: "Leer",
     arrivedWith: (soc) => `Angekommen mit ${soc}`,
     position: "Position auf der Strecke",

@@ -299,8 +299,6 @@ export const en = {
       links: "Enter the sections of the road.",
     },
     reserve: (reserve: string) => `Reserve ${reserve}`,
-    reserveBelow: (reserve: string) => `← Reserve ${reserve}`,
-    reserveAbove: (reserve: string) => `Reserve ${reserve} →`,
     empty: "Empty",
     arrivedWith: (soc: string) => `Arrived with ${soc}`,
     position: "Position along the way",

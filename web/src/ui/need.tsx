@@ -68,11 +68,12 @@ export function needSentence(): string {
 export function NeedAnswer() {
   const needed = need.value;
   const far = range.value;
-  if (!needed || !far) return problem.value ? null : <Waiting />;
+  const found = answer();
+  if (!needed || !far || !found) return problem.value ? null : <Waiting />;
   const { need: words, verdict: others } = text.value;
   const { duration, figure, shown } = format.value;
   const { soc, reserve } = conditions.value;
-  const { lacking, left, verdict } = sufficing(soc, needed.soc_needed, needed.reserve);
+  const { lacking, left, verdict } = found;
   const flags = [...needed.flags, ...far.flags].filter(
     (flag, k, all) => all.findIndex(({ message }) => message === flag.message) === k,
   );
