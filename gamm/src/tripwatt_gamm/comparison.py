@@ -24,7 +24,7 @@ def corrected_covariance(model: Estimator) -> FloatArray:
 
     With the inverse Cholesky factor R, R'R = V, of the penalised information, its first two terms beyond V are
     J C J' and the sum of C_kl dR/drho_k' dR/drho_l over the log smoothing parameters rho, where J is the derivative of
-    the coefficients in rho, by the expected information, and C the covariance of rho (section 4).
+    the coefficients in rho, by the observed information, and C the covariance of rho (section 4).
 
     Parameters
     ----------
@@ -49,14 +49,13 @@ def corrected_covariance(model: Estimator) -> FloatArray:
     kept = np.flatnonzero(np.diag(penalised) > 0)
     inverse = np.zeros((p, p))
     inverse[np.ix_(kept, kept)] = np.linalg.inv(np.linalg.cholesky(penalised[np.ix_(kept, kept)]))
-    V, known = inverse.T @ inverse, np.isfinite(np.diag(model.log_sp_covariance_))
-    C = model.log_sp_covariance_[np.ix_(known, known)]
+    known = np.isfinite(np.diag(model.log_sp_covariance_))
+    shifts, C = model.slopes_[:, known], model.log_sp_covariance_[np.ix_(known, known)]
     bounded = np.linalg.solve(np.eye(len(C)) + PRIOR_PRECISION * C, C)
     penalties = [(where, S / model.reml_scale_) for where, S in scaled_penalties(model)]
-    shifts, roots = np.zeros((p, len(C))), np.zeros((len(C), p, p))
+    roots = np.zeros((len(C), p, p))
     for j, i in enumerate(np.flatnonzero(known)):
         where, S = penalties[i]
-        shifts[:, j] = -V[:, where] @ S @ model.coef_[where]
         change = np.tril(inverse[:, where] @ S @ inverse[:, where].T)
         change[np.diag_indices(p)] /= 2
         roots[j] = -change @ inverse

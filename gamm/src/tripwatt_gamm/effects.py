@@ -272,16 +272,7 @@ class RandomEffects:
         ax = figures.axes_or_new(ax)
         ends = self.theoretical[[0, -1]]
         ax.plot(ends, ends, color=figures.RED, linewidth=1.5)
-        ax.errorbar(
-            self.theoretical,
-            self.effect,
-            1.96 * self.std_error,
-            fmt="o",
-            markersize=4,
-            color=figures.BLUE,
-            ecolor=figures.GREY,
-            elinewidth=0.8,
-        )
+        figures.dots(ax, self.theoretical, self.effect, yerr=1.96 * self.std_error)
         title = f"{self.label}, EDF {self.edf:.2f}, sd {self.sd:.3g}"
         ax.set(title=title, xlabel="Gaussian quantiles", ylabel="Random effect")
         return figures.figure_of(ax)
@@ -346,17 +337,9 @@ class FactorEffect:
         from tripwatt_gamm import figures
 
         ax = figures.axes_or_new(ax)
-        rows = np.arange(len(self.level))
+        rows = np.arange(float(len(self.level)))
         ax.axvline(0.0, color=figures.GREY, linewidth=0.8)
-        ax.errorbar(
-            self.effect,
-            rows,
-            xerr=self.multiplier * self.std_error,
-            fmt="o",
-            color=figures.BLUE,
-            ecolor=figures.BLUE,
-            capsize=3,
-        )
+        figures.dots(ax, self.effect, rows, xerr=self.multiplier * self.std_error)
         ax.set_yticks(rows, self.level)
         ax.set_ylim(len(self.level) - 0.5, -0.5)
         against = f"Difference from {self.reference}" if self.reference else "Coefficient"
@@ -464,12 +447,9 @@ def _curve(
     """Curve over the range of its covariate or, for a by-smooth, over that of its own rows."""
     assert isinstance(fitted.term, Smooth | Tensor)
     name = fitted.term.names[0]
-    x = _grid(model, name, points)
-    if fitted.by is not None:
-        # range of the smooth's own rows: beyond it the model holds the curve constant
-        own_support = model.training_.within.get((fitted.term.names, fitted.by, fitted.level))
-        if own_support is not None:
-            x = np.linspace(float(own_support.low[0]), float(own_support.high[0]), points)
+    # the range of a by-smooth is that of its own rows: beyond it the model holds the curve constant
+    own = model.training_.within.get((fitted.term.names, fitted.by, fitted.level))
+    x = _grid(model, name, points) if own is None else np.linspace(own.low[0], own.high[0], points)
     effect, error = _evaluate(model, fitted, {name: x})
     rug = np.zeros(0) if frame is None else _rows(fitted, frame, (name,))[:, 0]
     return CurveEffect(

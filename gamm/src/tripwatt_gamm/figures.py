@@ -47,6 +47,13 @@ def figure_of(ax: Axes) -> Figure:
     return figure if isinstance(figure, Figure) else figure.figure
 
 
+def dots(
+    ax: Axes, x: FloatArray, y: FloatArray, xerr: FloatArray | None = None, yerr: FloatArray | None = None
+) -> None:
+    """Draw points with bars of these half lengths."""
+    ax.errorbar(x, y, yerr, xerr, fmt="o", markersize=4, color=BLUE, ecolor=GREY, elinewidth=0.8)
+
+
 def shown_rows(values: FloatArray) -> Index:
     """Return the sorted positions of the values to draw: `MAX_POINTS` evenly spaced ones, the 50 smallest and 50 largest."""
     even = np.linspace(0, len(values) - 1, min(len(values), MAX_POINTS)).round().astype(np.intp)

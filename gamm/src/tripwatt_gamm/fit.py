@@ -41,6 +41,8 @@ class Solution:
     beta : ndarray (p,)
     rho : ndarray (M,)
         Log smoothing parameters.
+    slopes : ndarray (p, M)
+        Derivative of the coefficients in the log smoothing parameters.
     theta : ndarray (m,)
         Parameters of the family.
     score : float
@@ -59,6 +61,7 @@ class Solution:
 
     beta: FloatArray
     rho: FloatArray
+    slopes: FloatArray
     theta: FloatArray
     score: float
     covariance: FloatArray
@@ -84,7 +87,8 @@ class Evaluation:
         covariance = stack.covariance(self.factor) * self.scale
         information = stack.rotate_gram(data.gram, back=True).dense() / self.scale
         beta, theta = stack.rotate(self.beta, back=True), np.array([math.log(self.scale)])
-        return Solution(beta, rho, theta, self.value, covariance, information, end)
+        slopes = -stack.rotate(self.factor.solve(stack.products(rho, self.beta)), back=True)
+        return Solution(beta, rho, slopes, theta, self.value, covariance, information, end)
 
 
 def gaussian_score(

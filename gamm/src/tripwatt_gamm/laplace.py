@@ -202,8 +202,10 @@ def fit_laplace(
     rho, theta = at(x)[:M], at(x)[M:]
     weights = family.information(response, mode.eta, theta)
     information = model.rows.gram(weights)
-    penalised = stack.add_to(stack.rotate_gram(information), model.split(at(x))[0])
+    absolute = model.split(at(x))[0]
+    slopes = -stack.rotate(mode.factor.solve(stack.products(absolute, mode.beta)), back=True)
+    penalised = stack.add_to(stack.rotate_gram(information), absolute)
     covariance = stack.covariance(Factor.from_gram(penalised) or mode.factor)
     end = end._replace(hessian=np.zeros((0, 0))) if fixed else end
     score, beta = model.score(at(x), mode), stack.rotate(mode.beta, back=True)
-    return Solution(beta, rho, theta, score, covariance, information.dense(), end)
+    return Solution(beta, rho, slopes, theta, score, covariance, information.dense(), end)

@@ -67,8 +67,8 @@ class GAMM(Estimator):
     scale_, reml_scale_, nu_, sigma_, nu_at_bound_
         Dispersion (1 for the scaled t, counts and shares) and the one of the REML score, from which that of Gamma
         differs; shape and scale of the t.
-    log_sp_covariance_ : ndarray (M, M)
-        Covariance of the logs of `smoothing_parameters_`, from the Hessian of the score.
+    log_sp_covariance_, slopes_ : ndarray (M, M), (p, M)
+        Covariance of the logs of `smoothing_parameters_`, from the Hessian of the score; slopes of the coefficients in them.
     reml_, loglik_, aic_, bic_, deviance_explained_, r2_, n_, residual_df_
         `reml_` is the negative log restricted likelihood; lme4's REML criterion is twice as large.
     fitted_values_, linear_predictor_, residuals_, deviance_residuals_ : ndarray (n,)

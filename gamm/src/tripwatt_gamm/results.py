@@ -54,7 +54,8 @@ def _names(design: Design, solution: Solution, active: Index, which: list[int]) 
     """Terms, names of coefficients, ranges, levels and smoothing parameters; parameters without data are NaN."""
     names, coef_names = design.penalty_names, [name for fitted in design.terms for name in fitted.names]
     parameters, covariance = np.full(len(names), math.nan), np.full((len(names), len(names)), math.nan)
-    parameters[which] = np.exp(solution.rho)
+    slopes = np.zeros((design.rows.p, len(names)))
+    parameters[which], slopes[active[:, None], which] = np.exp(solution.rho), solution.slopes
     if solution.end.hessian.size:
         inverse = np.linalg.pinv(solution.end.hessian, hermitian=True)
         covariance[np.ix_(which, which)] = inverse[: len(which), : len(which)]
@@ -73,6 +74,7 @@ def _names(design: Design, solution: Solution, active: Index, which: list[int]) 
         "levels": {name: levels.names for name, levels in design.training.levels.items()},
         "smoothing_parameters": dict(zip(names, parameters.tolist(), strict=True)),
         "log_sp_covariance": covariance,
+        "slopes": slopes,
     }
 
 
