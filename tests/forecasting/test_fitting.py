@@ -13,6 +13,7 @@ from tripwatt.forecasting.inner import INNER_FOLDS
 from tripwatt.hybrid import segment_trips
 from tripwatt.study.synthetic import synthetic_fleet
 from tripwatt.trips import TripSet
+from tripwatt.trips.messages import message
 from tripwatt.vehicles import load_vehicle
 
 
@@ -38,6 +39,9 @@ def test_a_model_says_where_it_comes_from(fleet, car, tmp_path: Path) -> None:
     assert about["provenance"]["trips_used"] == list(model.trip_ids_)
     assert about["provenance"]["data"]["sha256"] == data_digest(fleet.trips)
     assert about["provenance"]["seed"] == 0
+    _, values = fit_car(fleet.trips, car, "linear")
+    assert values is not None
+    assert about["provenance"]["data"]["notes"] == [*map(message, fleet.notes), str(values)]
     ambient = next(e for e in about["contract"]["inputs"] if e["name"] == "ambient_temperature_degc")
     assert ambient["unit"] == "°C"
     first = [t.array("ambient_temperature_degc")[0] for t in fleet.trips]
