@@ -28,8 +28,16 @@ def test_operators_constants_comparisons_and_boundaries_are_changed(tmp_path: Pa
     assert ("boundary", "n <= 1  ->  n < 1") in changes
     assert ("comparison", "n <= 1  ->  n > 1") in changes
     assert ("comparison", "x is None or n <= 1  ->  x is None and n <= 1") in changes
+    assert ("statement", 'raise ValueError(f"{n + 1}")  ->  pass') in changes
     # neither annotations nor what an error says
-    assert not [c for _, c in changes if "int" in c or "n + 1" in c]
+    assert not [c for kind, c in changes if "int" in c or ("n + 1" in c and kind != "statement")]
+
+
+def test_slices_are_one_off_and_branches_swapped(tmp_path: Path) -> None:
+    path = tmp_path / "module.py"
+    path.write_text("def f(x, k):\n    return x[:k] if k > 1 else x[1:]\n")
+    changes = {m.change for m in mutants_of(path) if m.kind in ("slice", "branch")}
+    assert changes == {":k  ->  1:k", ":k  ->  :k - 1", "1:  ->  1 + 1:", "k > 1  ->  not k > 1"}
 
 
 def test_every_mutant_is_a_program_and_one_change(tmp_path: Path) -> None:

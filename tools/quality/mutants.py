@@ -7,7 +7,8 @@ that and uses it again. Each mutant is planted in a copy of the project, and its
 up to ``--budget`` seconds; for a constant of a module, those that name it before all others. Tests of the page and of the project's own files take no part. A mutant that all of them
 pass survives; it is printed with its file, line and change. ``--since`` takes the lines that differ from a revision;
 ``--named`` plants those of named_mutants.toml. Survivors that change nothing are listed, with the reason, in
-equivalent_mutants.toml. Exit code 1 when fewer than 90 % of the others are killed. Needs the extra `bench`.
+equivalent_mutants.toml. ``--kinds statement,branch,slice`` takes mutants of these kinds alone. ``--near`` needs no map: the tests of the
+file that mirrors the mutant's run, then those of its room. Exit code 1 when fewer than 90 % of the others are killed. Needs the extra `bench`.
 
 mutmut changes no constants of a module and draws no seeded sample; Cosmic Ray runs one command for every mutant, here a gate of ten minutes.
 
@@ -66,6 +67,8 @@ NO_PART: Final = (
     "gamm",
 )
 """Tests of the browser, of the project's files, of words and figures, and of rooms that no mutant is planted in."""
+NEAR_S: Final = 60.0
+"""Usual time of the tests of a room."""
 PATIENCE_S: Final = 120.0
 """A mutant that takes this much longer than its tests does not end."""
 
@@ -296,7 +299,28 @@ def copy_of_project(folder: Path) -> Path:
     return folder
 
 
-def chosen_mutants(count: int, seed: int, since: str | None) -> list[Mutant]:
+def near_tests(mutant: Mutant, project: Path) -> list[list[str]]:
+    """Tests of the file that mirrors the mutant's, then those of its room."""
+    inside = mutant.path.relative_to(ROOT / "src" / "tripwatt")
+    room = Path("tests") / inside.parent
+    mirror = room / f"test_{inside.name}"
+    return [[str(place)] for place in (mirror, room) if (project / place).exists()]
+
+
+def judge_near(mutants: Sequence[Mutant], project: Path) -> list[Verdict]:
+    """Every mutant against the tests near it."""
+    verdicts = []
+    for mutant in mutants:
+        killed = any(judge(mutant, project, tests, NEAR_S).killed for tests in near_tests(mutant, project))
+        verdicts.append(Verdict(mutant, killed, 0))
+        print(
+            f"{'killed  ' if killed else 'SURVIVED'} {_where(mutant)}  {mutant.kind}  {mutant.change}",
+            flush=True,
+        )
+    return verdicts
+
+
+def chosen_mutants(count: int, seed: int, since: str | None, kinds: Sequence[str] = ()) -> list[Mutant]:
     """Random mutants of the rooms, of all lines or of those that differ from a revision."""
     package = ROOT / "src" / "tripwatt"
     if since is None:
@@ -312,6 +336,7 @@ def chosen_mutants(count: int, seed: int, since: str | None) -> list[Mutant]:
             for m in mutants_of(ROOT / name)
             if lines & set(range(m.first, m.last + 1))
         ]
+    every = [mutant for mutant in every if not kinds or mutant.kind in kinds]
     print(f"{len(every)} mutants", flush=True)
     return random.Random(seed).sample(every, min(count, len(every)))
 
@@ -407,10 +432,15 @@ def main(
     jobs: int = os.cpu_count() or 1,
     budget: float = 40.0,
     map_file: Annotated[Path | None, Option("--map")] = None,
+    kinds: str = "",
+    near: bool = False,
 ) -> int:
     """Plant mutants and print the survivors; 1 when too many survive."""
-    mutants = named_mutants() if named else chosen_mutants(count, seed, since)
+    chosen = [kind for kind in kinds.split(",") if kind]
+    mutants = named_mutants() if named else chosen_mutants(count, seed, since, chosen)
     with tempfile.TemporaryDirectory() as folder:
+        if near:
+            return report(judge_near(mutants, copy_of_project(Path(folder))))
         projects = [copy_of_project(Path(folder) / str(k)) for k in range(jobs)]
         kept = map_file or Path(folder) / "map.json"
         if not kept.exists():

@@ -1,4 +1,4 @@
-"""Mutants of source code: one operator, constant, comparison or boundary changed, each as the text of its file.
+"""Mutants of source code: one operator, constant, comparison or boundary changed, a statement dropped, branches swapped or a slice one off.
 
 Annotations, docstrings, decorators, messages and the inside of f-strings are left alone: a change of them is no change
 of what is computed.
@@ -50,6 +50,11 @@ TEXTS: Final = frozenset(
 )
 """Keyword arguments that hold words, and `strict` of `zip`, which guards against a mistake that is not there."""
 
+AS_IT_IS: Final = frozenset({"named", "statement", "slice"})
+"""Kinds whose text takes no brackets."""
+EFFECTS: Final = ast.Expr | ast.AugAssign | ast.Continue | ast.Break | ast.Raise | ast.Delete
+"""Statements that can be dropped: no later one reads a name that they alone give. Without a return a function fails at once."""
+
 Function = ast.FunctionDef | ast.AsyncFunctionDef
 
 
@@ -63,7 +68,7 @@ class Mutant:
         Of the file.
     line : int
     kind : str
-        ``operator``, ``constant``, ``comparison`` or ``boundary``; ``named`` for a text that is replaced as it is.
+        ``operator``, ``constant``, ``comparison``, ``boundary``, ``statement``, ``branch`` or ``slice``; ``named`` for any other text.
     before, after : str
         The changed expression.
     start, end : int
@@ -95,7 +100,7 @@ class Mutant:
 
     def applied(self, source: bytes) -> bytes:
         """The file with the change."""
-        text = self.after if self.kind == "named" else f"({self.after})"
+        text = self.after if self.kind in AS_IT_IS else f"({self.after})"
         return source[: self.start] + text.encode() + source[self.end :]
 
 
@@ -122,12 +127,12 @@ def mutants_of(path: Path) -> list[Mutant]:
 Place = tuple[int, int, tuple[int, int] | None, tuple[str, ...]]
 
 
-def _expressions(tree: ast.Module) -> Iterator[tuple[ast.expr, Place]]:
-    """Expressions that compute something, each with its statement and function."""
+def _expressions(tree: ast.Module) -> Iterator[tuple[ast.expr | ast.stmt, Place]]:
+    """Expressions that compute something and statements with an effect, each with its statement and function."""
     stack: list[tuple[ast.AST, Place]] = [(statement, _place(statement, None)) for statement in tree.body]
     while stack:
         node, place = stack.pop()
-        if isinstance(node, ast.expr):
+        if isinstance(node, ast.expr | EFFECTS | ast.Assign) and not _is_words(node):
             yield node, place
         for child in _computing(node):
             inside = place
@@ -162,6 +167,8 @@ def _computing(node: ast.AST) -> Iterator[ast.AST]:
         return  # a docstring
     if isinstance(node, ast.JoinedStr | ast.Raise | ast.Import | ast.ImportFrom):
         return
+    if isinstance(node, ast.If | ast.IfExp):
+        node.test.decides = bool(node.orelse)  # type: ignore[attr-defined]
     if isinstance(node, ast.If) and "TYPE_CHECKING" in ast.unparse(node.test):
         return
     if isinstance(node, ast.Call) and _called(node) in WITHOUT_EFFECT:
@@ -190,7 +197,25 @@ def _called(node: ast.Call) -> str:
     return function.id if isinstance(function, ast.Name) else getattr(function, "attr", "")
 
 
-def _changes(node: ast.expr) -> Iterator[tuple[str, ast.expr]]:
+def _is_words(node: ast.AST) -> bool:
+    """Whether a node is a docstring."""
+    return isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant)
+
+
+def _changes(node: ast.expr | ast.stmt) -> Iterator[tuple[str, ast.AST]]:
+    if isinstance(node, EFFECTS):
+        yield "statement", ast.Pass()
+    elif isinstance(node, ast.Assign):
+        if all(isinstance(target, ast.Subscript | ast.Attribute) for target in node.targets):
+            yield "statement", ast.Pass()
+    elif isinstance(node, ast.Slice):
+        one = ast.Constant(1)
+        lower = ast.BinOp(node.lower, ast.Add(), one) if node.lower else one
+        yield "slice", _with(node, lower=lower)
+        if node.upper is not None:
+            yield "slice", _with(node, upper=ast.BinOp(node.upper, ast.Sub(), one))
+    if isinstance(node, ast.expr) and getattr(node, "decides", False):
+        yield "branch", ast.UnaryOp(ast.Not(), node)
     if isinstance(node, ast.BinOp) and type(node.op) in OPERATORS:
         if not (isinstance(node.left, ast.Constant | ast.JoinedStr) and _is_text(node.left)):
             yield "operator", _with(node, op=OPERATORS[type(node.op)]())
@@ -233,7 +258,7 @@ def _other_values(value: float | bool) -> tuple[float | bool, ...]:
     return (value * 2.0, value / 10.0) if value != 1.0 else (2.0, 0.0)
 
 
-def _with(node: ast.expr, **fields: object) -> ast.expr:
+def _with(node: ast.AST, **fields: object) -> ast.AST:
     changed = copy.copy(node)
     for name, value in fields.items():
         setattr(changed, name, value)
