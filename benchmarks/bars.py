@@ -24,6 +24,7 @@ from tools.command import run
 from benchmarks import (
     absurd,
     accuracy,
+    advice,
     anchors,
     argonne,
     batch,
@@ -97,6 +98,7 @@ def suites(results: Path | None, forecast: Path | None, links: Path | None) -> I
     yield Suite(f"{bench}installed --tests", partial(installed.rows, tests=True))
     yield Suite(f"{bench}leave_with", leave_with.rows)
     yield Suite(f"{bench}absurd", absurd.bars)
+    yield Suite(f"{bench}advice", advice.rows)
     yield Suite(f"{bench}edges", edges.rows)
     yield Suite(f"{bench}anchors", anchors.bars)
     yield Suite(

@@ -175,7 +175,8 @@ class Forecast:
         drive, measured, scale = self.drive, self.measured, self.charge
         hours = self.open_hours
         time_s = running_sum(drive.table.hours) * SECONDS_PER_HOUR
-        sd_wh, charge_sd_wh = self._sd_wh(hours), self._sd_wh(_unread_hours(self))
+        sd_wh, unread = self._sd_wh(hours), _unread_hours(self)
+        charge_sd_wh = sd_wh if np.array_equal(unread, hours) else self._sd_wh(unread)
         climb = None if self.climbing is None else self.climbing.ahead(self._climbs_from_m)
         excess = Excess.from_climb(self.uncertainty.scores, climb, sd_wh)
         energy, least = self.power_w * hours, drive.min_w * hours
@@ -208,7 +209,8 @@ class Forecast:
 
     def _own_sd_wh(self, hours: FloatArray) -> FloatArray:
         """The part of `_sd_wh` by the residual power; `rest_sd_factor` widens what is still to come, shape (segments,)."""
-        now_wh, rest_wh = self.posterior.sd_wh(hours), self.posterior.sd_wh(_unread_hours(self))
+        now_wh, unread = self.posterior.sd_wh(hours), _unread_hours(self)
+        rest_wh = now_wh if np.array_equal(unread, hours) else self.posterior.sd_wh(unread)
         variance = now_wh**2 + (self.rest_sd_factor**2 - 1.0) * rest_wh**2
         return self.sd_factor * np.sqrt(np.maximum(variance, 0.0))
 
