@@ -237,11 +237,9 @@ def _basis_knots(points: FloatArray) -> tuple[FloatArray, FloatArray]:
     low, span = points.min(axis=0), np.ptp(points, axis=0)
     cells = MAX_KNOTS
     while True:
-        cell = np.zeros(len(points), dtype=np.int64)
-        for j in range(d):
-            place = np.minimum((points[:, j] - low[j]) / span[j] * cells, cells - 1)
-            cell = cell * cells + place.astype(np.int64)
-        _, index, counts = np.unique(cell, return_inverse=True, return_counts=True)
+        place = np.minimum((points - low) / span * cells, cells - 1).astype(np.int64)
+        numbers = place @ cells ** np.arange(d)[::-1]
+        _, index, counts = np.unique(numbers, return_inverse=True, return_counts=True)
         if len(counts) <= MAX_KNOTS:
             break
         cells = cells * 9 // 10

@@ -49,18 +49,15 @@ def corrected_covariance(model: Estimator) -> FloatArray:
     kept = np.flatnonzero(np.diag(penalised) > 0)
     inverse = np.zeros((p, p))
     inverse[np.ix_(kept, kept)] = np.linalg.inv(np.linalg.cholesky(penalised[np.ix_(kept, kept)]))
-    known = np.isfinite(np.diag(model.log_sp_covariance_))
-    shifts, C = model.slopes_[:, known], model.log_sp_covariance_[np.ix_(known, known)]
+    C = np.nan_to_num(model.log_sp_covariance_)  # of a term without data, whose penalty is 0
     bounded = np.linalg.solve(np.eye(len(C)) + PRIOR_PRECISION * C, C)
-    penalties = [(where, S / model.reml_scale_) for where, S in scaled_penalties(model)]
     roots = np.zeros((len(C), p, p))
-    for j, i in enumerate(np.flatnonzero(known)):
-        where, S = penalties[i]
-        change = np.tril(inverse[:, where] @ S @ inverse[:, where].T)
+    for root, (where, S) in zip(roots, scaled_penalties(model), strict=True):
+        change = np.tril(inverse[:, where] @ S @ inverse[:, where].T) / model.reml_scale_
         change[np.diag_indices(p)] /= 2
-        roots[j] = -change @ inverse
+        root[:] = -change @ inverse
     second = np.einsum("kl,kij,lim->jm", bounded, roots, roots, optimize=True)
-    return np.asarray(model.Vp_ + shifts @ C @ shifts.T + ratio * second)
+    return np.asarray(model.Vp_ + model.slopes_ @ C @ model.slopes_.T + ratio * second)
 
 
 def anova(*models: Estimator) -> pd.DataFrame:

@@ -8,48 +8,60 @@ import numpy as np
 import pandas as pd
 from scipy import stats
 
-from tripwatt_gamm.arrays import FloatArray
-from tripwatt_gamm.inference import scaled_penalties, total_penalty
+from tripwatt_gamm.arrays import FloatArray, central_differences
+from tripwatt_gamm.penalties import correlated_penalties
 
 if TYPE_CHECKING:
     from tripwatt_gamm.estimator import Estimator
-    from tripwatt_gamm.fitted_terms import FittedTerm
+
+STEP = 1e-5
+"""Step for derivatives of the components in the parameters of the score; about the cube root of the working precision."""
 
 
-def random_covariance(model: Estimator, fitted: FittedTerm) -> FloatArray:
-    """Covariance (q, q) of the q effects that each level of a random effect has.
+def _relative(model: Estimator, x: FloatArray) -> FloatArray:
+    """Return the components (2, m) at parameters `x` and a scale of 1, and below them the penalty b'Sb of all coefficients.
 
-    Parameters
-    ----------
-    model : GAMM
-        A fitted model.
-    fitted : FittedTerm
-        One of its random effects.
+    The components are the logs of standard deviations and the inverse hyperbolic tangents of correlations, the errors last;
+    the parameters are the loadings of correlated effects, then the logs of all smoothing parameters.
     """
-    first = np.arange(fitted.start, fitted.start + fitted.size, fitted.copies)
-    return np.asarray(np.linalg.inv(total_penalty(model)[np.ix_(first, first)]) * model.reml_scale_)
+    loadings, logs = np.split(x, [len(model.loadings_)])
+    columns, penalty = [], 0.0
+    for fitted in model.terms_:
+        matrices, sizes = fitted.matrices, fitted.scales
+        own, logs = np.split(logs, [len(matrices)])
+        if sizes is not None:
+            matrices, loadings = correlated_penalties(loadings, sizes)
+        b = model.coef_[fitted.slice].reshape(-1, fitted.copies)
+        precision = np.einsum("j,jkl->kl", np.exp(own), np.reshape(matrices, (-1, len(b), len(b))))
+        penalty += float((b * (precision @ b)).sum())
+        if fitted.kind == "random":
+            covariance = np.linalg.inv(precision)
+            sds = np.sqrt(np.diag(covariance))
+            correlations = np.append(np.nan, covariance[1:, 0] / sds[1:] / sds[0])
+            columns += list(zip(np.log(sds), np.arctanh(correlations), strict=True))
+    return np.vstack([np.transpose([*columns, (0.0, np.nan)]), np.full(len(columns) + 1, penalty)])
 
 
-def _log_sd_errors(model: Estimator) -> FloatArray:
-    """Standard errors of log standard deviations: one for each smoothing parameter, then that of the residuals.
+def _components(model: Estimator) -> tuple[FloatArray, FloatArray]:
+    """Return the components (2, m) of a model and their standard errors, by the delta method.
 
-    With the scale profiled out of the REML score, log(scale) has the conditional variance 2 / f about a value whose
-    slope in log(lambda_j) is lambda_j b'S_j b / (f scale). Here f is the number of rows minus the number of unpenalised
-    coefficients. All are NaN if the smoothing parameters were given.
+    With the scale profiled out of the REML score, log(scale) has the conditional variance 2 / f about a value whose slope in
+    a parameter is that of b'Sb, over f scale. Here f is the number of rows minus the number of unpenalised coefficients.
+    All errors are NaN if the smoothing parameters were given.
     """
-    covariance = model.log_sp_covariance_
-    size = len(covariance)
-    slopes, spread = np.zeros(size), 0.0
+    logs = np.nan_to_num(np.log(list(model.smoothing_parameters_.values())))
+    x, covariance, freedom = np.append(model.loadings_, logs), model.joint_covariance_, np.inf
     if model.family_.estimates_scale:
-        free = sum(fitted.null_dim for fitted in model.terms_) - len(model.empty_columns_)
-        quadratic = [model.coef_[at] @ S @ model.coef_[at] for at, S in scaled_penalties(model)]
-        slopes = np.array(quadratic) / ((model.n_ - free) * model.reml_scale_)
-        spread = 2 / (model.n_ - free)
-    if np.isnan(covariance).all():
-        return np.full(size + 1, np.nan)
-    directions = np.vstack([slopes - np.eye(size), slopes])
-    variances = np.einsum("ij,jk,ik->i", directions, np.nan_to_num(covariance), directions) + spread
-    return np.asarray(np.sqrt(np.where(variances < 0, np.nan, variances)) / 2)
+        freedom = model.n_ + len(model.empty_columns_) - sum(fitted.null_dim for fitted in model.terms_)
+    with np.errstate(divide="ignore", invalid="ignore"):  # a correlation of 1 has no error
+        centre = _relative(model, x)
+        slopes = central_differences(lambda at: _relative(model, at), x, STEP).reshape(len(x), *centre.shape)
+    slopes[:, 0] += slopes[:, 2] / (2 * freedom * model.reml_scale_)
+    variances = np.einsum("iak,ij,jak->ak", slopes[:, :2], np.nan_to_num(covariance), slopes[:, :2])
+    variances[0] += 1 / (2 * freedom)
+    centre[0] += np.log(model.reml_scale_) / 2
+    given = len(x) > 0 and np.isnan(covariance).all()
+    return centre[:2], np.sqrt(np.where(given | (variances < 0), np.nan, variances))
 
 
 def variance_components(model: Estimator, level: float = 0.95) -> pd.DataFrame:
@@ -67,8 +79,9 @@ def variance_components(model: Estimator, level: float = 0.95) -> pd.DataFrame:
     pandas.DataFrame
         One row for each effect and one for additive errors: ``term``, ``group`` (columns of the levels), ``effect``
         ("(Intercept)" or the multiplier), ``std_dev``, ``variance``, ``lower``, ``upper`` (of the standard deviation:
-        normal on the log scale, from the Hessian of the REML score), ``correlation`` (with the intercept of the level).
-        Intervals are NaN for correlated effects, for Student's t errors and if smoothing parameters were given.
+        normal on the log scale, from the Hessian of the REML score), ``correlation`` (with the intercept of the level),
+        ``correlation_lower``, ``correlation_upper`` (normal on the scale of Fisher's z). Intervals are NaN for the errors
+        of Student's t and if smoothing parameters were given.
 
     Examples
     --------
@@ -78,24 +91,16 @@ def variance_components(model: Estimator, level: float = 0.95) -> pd.DataFrame:
     >>> variance_components(GAMM('y ~ s(g, bs="re")').fit(frame))[["term", "std_dev"]].round(2).to_numpy().tolist()
     [['s(g)', 0.97], ['Residual', 0.12]]
     """
-    half = stats.norm.ppf((1 + level) / 2) * _log_sd_errors(model)
-    rows, penalty = [], 0
-    for fitted in model.terms_:
-        covariance = random_covariance(model, fitted) if fitted.kind == "random" else np.zeros((0, 0))
-        sds = np.sqrt(np.diag(covariance))
-        for j, effect in enumerate(fitted.effects):
-            half_width = float(half[penalty]) if len(sds) == 1 else np.nan
-            correlation = covariance[j, 0] / (sds[j] * sds[0]) if j else np.nan
-            rows.append((fitted.label, ":".join(fitted.groups), effect, sds[j], half_width, correlation))
-        penalty += len(fitted.matrices)
-    if model.family_.scaled_rows:
-        normal = np.isnan(model.nu_)
-        sd = model.sigma_ if normal else model.sigma_ * np.sqrt(model.nu_ / (model.nu_ - 2))
-        rows.append(("Residual", "", "", sd, float(half[-1]) if normal else np.nan, np.nan))
-    table = pd.DataFrame(rows, columns=["term", "group", "effect", "std_dev", "half", "correlation"])
+    centre, error = _components(model)
+    if not np.isnan(model.nu_):
+        centre[0, -1] = np.log(model.sigma_ * np.sqrt(model.nu_ / (model.nu_ - 2)))
+        error[0, -1] = np.nan
+    half = stats.norm.ppf((1 + level) / 2) * error
+    names = [(f.label, ":".join(f.groups), effect) for f in model.terms_ for effect in f.effects]
+    table = pd.DataFrame([*names, ("Residual", "", "")], columns=["term", "group", "effect"])
+    ends = np.array([centre, centre - half, centre + half])
     with np.errstate(over="ignore"):
-        factor = np.exp(table["half"])
-    table = table.assign(
-        variance=table["std_dev"] ** 2, lower=table["std_dev"] / factor, upper=table["std_dev"] * factor
-    )
-    return table[["term", "group", "effect", "std_dev", "variance", "lower", "upper", "correlation"]]
+        sd, lower, upper = np.exp(ends[:, 0])
+    table = table.assign(std_dev=sd, variance=sd**2, lower=lower, upper=upper)
+    table[["correlation", "correlation_lower", "correlation_upper"]] = np.tanh(ends[:, 1]).T
+    return table if model.family_.scaled_rows else table[:-1]

@@ -136,27 +136,25 @@ def _check_columns(formula: Formula, frame: pd.DataFrame) -> None:
 
 @dataclass(frozen=True, eq=False)
 class _Piece:
-    """Columns of terms, or the `part` of these columns, as a table with an index and a multiplier for each row."""
+    """Columns of a term, or the `part` of these columns, as a table with an index and a multiplier for each row."""
 
-    terms: list[FittedTerm]
+    fitted: FittedTerm
     table: FloatArray
     index: Index
     scale: FloatArray | None = None
     part: slice = field(default_factory=lambda: slice(None))
 
     def indexed(self, eliminated: bool = False) -> IndexedColumns:
-        """Return the piece as columns of X, once the first coefficients of its terms are known."""
-        columns = [
-            np.arange(fitted.start, fitted.start + fitted.size, dtype=np.intp) for fitted in self.terms
-        ]
-        table = None if eliminated else self.table
-        return IndexedColumns(np.concatenate(columns)[self.part], table, self.index, self.scale)
+        """Return the piece as columns of X, once the first coefficient of its term is known."""
+        first, table = self.fitted.start, None if eliminated else self.table
+        columns = np.arange(first, first + self.fitted.size, dtype=np.intp)[self.part]
+        return IndexedColumns(columns, table, self.index, self.scale)
 
     @property
     def is_indicator(self) -> bool:
         """Whether the columns are indicators of levels, or the intercept."""
-        kinds = (b.kind == "random" or bool(b.contrasts) or b.term is None for b in self.terms)
-        return self.scale is None and all(kinds)
+        fitted = self.fitted
+        return self.scale is None and (fitted.kind == "random" or bool(fitted.contrasts) or not fitted.term)
 
 
 _LevelParts: TypeAlias = list[tuple[int, FittedTerm, slice]]
@@ -217,7 +215,7 @@ class _Builder:
         fitted = FittedTerm(term.label, term, "parametric", [term.label], [])
         self.terms.append(fitted)
         if term.columns == tuple(numbers[:1]):
-            self.pieces.append(_Piece([fitted], points[0].values, points[0].index))
+            self.pieces.append(_Piece(fitted, points[0].values, points[0].index))
             return
         table: FloatArray = np.ones((1, 1))
         index, names = np.zeros(len(self.frame), dtype=np.intp), [""]
@@ -233,7 +231,7 @@ class _Builder:
             names = [f"{left}:{right}" for left in names for right in shown]
         fitted.names = [name.removeprefix(":") for name in names]
         scale = np.prod([at.values[at.index, 0] for at in points], axis=0) if points else None
-        self.pieces.append(_Piece([fitted], table, index, scale))
+        self.pieces.append(_Piece(fitted, table, index, scale))
 
     def _levels_with_coefficients(self, term: Parametric, name: str, levels: Levels) -> list[int]:
         """Levels of a factor in a term: without the first one that has rows if the term of the other columns is in the model."""
@@ -271,7 +269,7 @@ class _Builder:
         self.terms.append(fitted)
         for j, scale in enumerate(effects):
             part = slice(j * size, (j + 1) * size)
-            self.pieces.append(_Piece([fitted], np.eye(size), codes, scale, part))
+            self.pieces.append(_Piece(fitted, np.eye(size), codes, scale, part))
 
     def _correlate(self, fitted: FittedTerm, effects: list[FloatArray | None]) -> None:
         """Set the penalties, at zero correlation, and the root mean squares of the columns, the units of the loadings."""
@@ -282,7 +280,7 @@ class _Builder:
             allowed = f"root mean squares within a factor of {MAX_SIZE_RATIO:g}"
             raise InvalidInput.of("correlated effects of unlike size", fitted.label, got, allowed, fix)
         fitted.scales = sizes
-        fitted.matrices = correlated_penalties(np.zeros(len(sizes) * (len(sizes) - 1) // 2))
+        fitted.matrices = correlated_penalties(np.zeros(len(sizes) ** 2), sizes)[0]
 
     def smooth(self, term: Smooth | Tensor) -> None:
         """Add a smooth, or one for each level of a by-factor; the reference level of an ordered factor has none."""
@@ -302,7 +300,7 @@ class _Builder:
             if by is not None and term.by is not None:
                 self.coverage.members[term.names, term.by, None] = by != 0
             self.terms.append(fitted)
-            self.pieces.append(_Piece([fitted], built.table, points.index, by))
+            self.pieces.append(_Piece(fitted, built.table, points.index, by))
             return
         assert term.by is not None
         levels, codes = self.factor((term.by,))
@@ -311,14 +309,13 @@ class _Builder:
         if len(levels.names) <= first:
             allowed, fix = "at least two levels", "leave the term out"
             raise InvalidInput.of("factor with one level", term.label, levels.names[0], allowed, fix)
-        kept = range(first, len(levels.names))
-        by_level = [
-            self._fitted_term(term, built, levels.names[i], term.label + levels.names[i]) for i in kept
-        ]
-        self.terms += by_level
-        for i in kept:
-            self.coverage.members[term.names, term.by, levels.names[i]] = codes == i
-        parts = [(i, fitted, slice(None)) for i, fitted in zip(kept, by_level, strict=True)]
+        parts: _LevelParts = []
+        for i in range(first, len(levels.names)):
+            name = levels.names[i]
+            fitted = self._fitted_term(term, built, name, term.label + name)
+            self.coverage.members[term.names, term.by, name] = codes == i
+            parts.append((i, fitted, slice(None)))
+        self.terms += [fitted for _, fitted, _ in parts]
         self._level_pieces(built, points.index, codes, parts)
 
     def _level_pieces(self, built: Built, index: Index, codes: Index, parts: _LevelParts) -> None:
@@ -326,7 +323,7 @@ class _Builder:
         padded, outside = np.pad(built.table, ((0, 1), (0, 0))), len(built.table)
         for i, fitted, part in parts:
             own = np.where(codes == i, index, outside)
-            self.pieces.append(_Piece([fitted], padded, own, part=part))
+            self.pieces.append(_Piece(fitted, padded, own, part=part))
 
     def factor_smooth(self, term: Smooth) -> None:
         """Add a random curve for each level of a factor."""
@@ -356,7 +353,7 @@ class _Builder:
         if self.formula.intercept:
             fitted = FittedTerm("(Intercept)", None, "parametric", ["(Intercept)"], [])
             self.terms.insert(0, fitted)
-            self.pieces.insert(0, _Piece([fitted], np.ones((1, 1)), np.zeros(len(self.frame), dtype=np.intp)))
+            self.pieces.insert(0, _Piece(fitted, np.ones((1, 1)), np.zeros(len(self.frame), dtype=np.intp)))
         # large random effects come last, those of the same levels side by side
         self.terms.sort(key=lambda fitted: (fitted.kind != "parametric", *self._large(fitted)))
         training = self.coverage.training(np.ones(len(self.frame), dtype=bool))
@@ -375,7 +372,7 @@ class _Builder:
 
     def _parts(self, eliminated: tuple[object, ...]) -> list[IndexedColumns]:
         """All parts of X: indicators of few joint levels are merged, those of the large effects `eliminated` have no table."""
-        large = [piece for piece in self.pieces if eliminated and self._large(piece.terms[0]) == eliminated]
+        large = [piece for piece in self.pieces if eliminated and self._large(piece.fitted) == eliminated]
         pieces = [piece for piece in self.pieces if piece not in large]
         indicators = [piece for piece in pieces if piece.is_indicator]
         parts = [piece.indexed() for piece in pieces if not piece.is_indicator]

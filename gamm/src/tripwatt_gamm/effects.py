@@ -14,7 +14,7 @@ import pandas as pd
 from scipy import stats
 
 from tripwatt_gamm.arrays import FloatArray
-from tripwatt_gamm.components import random_covariance
+from tripwatt_gamm.components import variance_components
 from tripwatt_gamm.covariates import missing_columns
 from tripwatt_gamm.errors import Fault, raise_faults
 from tripwatt_gamm.terms import RandomEffect, Smooth, Tensor
@@ -436,11 +436,6 @@ def _rows(fitted: FittedTerm, frame: pd.DataFrame, names: tuple[str, ...]) -> Fl
     return frame[list(names)].to_numpy(dtype=float)
 
 
-def _grid(model: Estimator, name: str, points: int) -> FloatArray:
-    low, high = model.ranges_[name]
-    return np.linspace(float(low), float(high), points)
-
-
 def _curve(
     model: Estimator, fitted: FittedTerm, frame: pd.DataFrame | None, multiplier: float, points: int
 ) -> CurveEffect:
@@ -449,7 +444,8 @@ def _curve(
     name = fitted.term.names[0]
     # the range of a by-smooth is that of its own rows: beyond it the model holds the curve constant
     own = model.training_.within.get((fitted.term.names, fitted.by, fitted.level))
-    x = _grid(model, name, points) if own is None else np.linspace(own.low[0], own.high[0], points)
+    low, high = model.ranges_[name] if own is None else (own.low[0], own.high[0])
+    x = np.linspace(low, high, points)
     effect, error = _evaluate(model, fitted, {name: x})
     rug = np.zeros(0) if frame is None else _rows(fitted, frame, (name,))[:, 0]
     return CurveEffect(
@@ -461,7 +457,7 @@ def _surface(model: Estimator, fitted: FittedTerm, frame: pd.DataFrame | None, p
     """Surface over the ranges of two covariates; others are held at their median or, without data, at the middle of their range."""
     assert isinstance(fitted.term, Smooth | Tensor)
     first, second, *rest = fitted.term.names
-    x, y = _grid(model, first, points), _grid(model, second, points)
+    x, y = (np.linspace(low, high, points) for low, high in (model.ranges_[first], model.ranges_[second]))
     fixed = {
         name: float(np.mean(model.ranges_[name]) if frame is None else frame[name].median()) for name in rest
     }
@@ -475,16 +471,16 @@ def _surface(model: Estimator, fitted: FittedTerm, frame: pd.DataFrame | None, p
         span = np.array([np.ptp(x), np.ptp(y)])
         distance, _ = cKDTree(data / span).query(np.c_[across.ravel(), along.ravel()] / span)
         effect, error = (np.where(distance > TOO_FAR, np.nan, v) for v in (effect, error))
-    shape = across.shape
-    edf = float(model.edf_[fitted.slice].sum())
+    square, edf = (points, points), float(model.edf_[fitted.slice].sum())
     return SurfaceEffect(
-        fitted.label, (first, second), x, y, effect.reshape(shape), error.reshape(shape), edf, data, fixed
+        fitted.label, (first, second), x, y, effect.reshape(square), error.reshape(square), edf, data, fixed
     )
 
 
 def _random(model: Estimator, fitted: FittedTerm) -> dict[str, Effect]:
     """Return one `RandomEffects` for each effect of a term, by label; correlated effects have their name in the label."""
-    sds = np.sqrt(np.diag(random_covariance(model, fitted)))
+    table = variance_components(model)
+    sds = table["std_dev"][table["term"] == fitted.label]
     names = [str(text) for text in model.levels_[":".join(fitted.groups)]]
     effects: dict[str, Effect] = {}
     for j, (name, sd) in enumerate(zip(fitted.effects, sds, strict=True)):

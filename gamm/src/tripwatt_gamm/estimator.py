@@ -88,8 +88,7 @@ class Estimator:
             Names every faulty column, or the term that cannot be fitted.
         """
         offset = self._offset(offset)
-        family, data, work = self._work(frame, y, groups, weights, offset)
-        settings = self._settings(family, _given_logs(self.smoothing_parameters, work.design))
+        data, work, settings = self._work(frame, y, groups, weights, offset)
         all_rows = np.arange(len(frame), dtype=np.intp)
         where = work.design.formula.response or "y"
         design, active, which, solution = work.fit(all_rows, work.sums(all_rows), settings, where)
@@ -97,15 +96,15 @@ class Estimator:
             if block.sizes is not None:
                 owner = next(fitted for fitted in design.terms if fitted.start == active[block.start])
                 owner.matrices = block.matrices
-        for name, value in results(design, data, family, solution, active, which).items():
+        for name, value in results(design, data, settings.family, solution, active, which).items():
             setattr(self, name + "_", value)
         self.offset_ = offset
         return self
 
     def _work(
         self, frame: pd.DataFrame, y: object, groups: object, weights: object, offset: object
-    ) -> tuple[Family, Response, Work]:
-        """Return the family, the response, and the rows to fit.
+    ) -> tuple[Response, Work, FitSettings]:
+        """Return the response, the rows to fit, and the settings of the fit.
 
         A fit starts from the least squares of a rough linear predictor; for additive errors these are those of the
         response and the rows, times the roots of their weights.
@@ -124,12 +123,13 @@ class Estimator:
         lagged = self.ar1_rho is not None
         options = self.discretise, self.extrapolation, self.select, not lagged
         design = build_design(formula, frame, *options)
+        settings = self._settings(family, _given_logs(self.smoothing_parameters, design))
         data, codes = Response(values, prior, known), self._groups(frame, groups)
         if not family.scaled_rows:
-            return family, data, Work(design, family.start(values) - known, codes, lagged, data)
+            return data, Work(design, family.start(values) - known, codes, lagged, data), settings
         if weights is not None:
             design = replace(design, rows=design.rows.scaled(np.sqrt(prior)))
-        return family, data, Work(design, np.sqrt(prior) * (values - known), codes, lagged, None)
+        return data, Work(design, np.sqrt(prior) * (values - known), codes, lagged, None), settings
 
     def predict(
         self,
@@ -357,8 +357,7 @@ class Estimator:
         if groups is None:
             raise InvalidInput.of("no groups", "leave_groups_out", "groups is None", "a group for each row")
         offset = self._offset(offset)
-        family, data, work = self._work(frame, y, groups, weights, offset)
-        settings = self._settings(family, _given_logs(self.smoothing_parameters, work.design))
+        data, work, settings = self._work(frame, y, groups, weights, offset)
         units = work.groups if folds is None else self._groups(frame, folds)
         at_rows = None
         if at is not None:
@@ -367,7 +366,7 @@ class Estimator:
             at_rows = at, _codes(at, at_folds, labels, "at_folds=")
         known = 0.0 if offset is None else data.offset if at is None else row_values(at, offset, "offset=")
         eta, self.folds_ = leave_out(work, frame, units, settings, at_rows)
-        return family.link.mean(eta + known)
+        return settings.family.link.mean(eta + known)
 
     def _formula(self) -> Formula:
         if isinstance(self.formula, Formula):

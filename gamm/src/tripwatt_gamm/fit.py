@@ -20,6 +20,9 @@ from tripwatt_gamm.moments import NormalEquations
 from tripwatt_gamm.penalties import LOG_RATIO, PenaltyStack
 from tripwatt_gamm.tables import Whitening
 
+LAST_STEP = 1e-3
+"""Longest step that is taken without a comparison of scores: a choice, far below the spread of a log smoothing parameter."""
+
 Value: TypeAlias = tuple[float, FloatArray, FloatArray]
 
 
@@ -52,7 +55,7 @@ class Solution:
     information : ndarray (p, p)
         X'WX with expected weights, over the scale.
     end : End
-        The Hessian is (m, m), `rho` first; (0, 0) if the smoothing parameters were given.
+        The Hessian is (m, m), loadings first, then `rho`; (0, 0) if the smoothing parameters were given.
     white : Whitening or None
         Whitening of autocorrelated errors.
     loadings : ndarray
@@ -198,7 +201,9 @@ def minimise(
         step = newton_step(gradient, hessian, x, lower, upper)
         gain = -float(gradient @ step)
         if gain <= tolerance**1.5 * (1 + abs(value) / 1000) or not step.any():
-            return x, End(hessian, True, iteration, "gradient and predicted gain are zero")
+            # the gradient has more digits than the score: a short step still brings the point closer
+            last = np.where(np.abs(step) < LAST_STEP, step, 0.0)
+            return x + last, End(hessian, True, iteration, "gradient and predicted gain are zero")
         for _ in range(25):
             trial = score(x + step)
             if trial is not None and trial[0] <= value - 1e-4 * max(-float(gradient @ step), 0.0):

@@ -121,11 +121,9 @@ class FittedTerm:
         """Names of the effects that each level of a random effect has; empty for other terms."""
         if not isinstance(self.term, RandomEffect):
             return ()
-        return (
-            ("(Intercept)", *self.needed)
-            if self.term.correlated
-            else (":".join(self.needed) or "(Intercept)",)
-        )
+        if self.term.correlated:
+            return ("(Intercept)", *self.needed)
+        return (":".join(self.needed) or "(Intercept)",)
 
     def multipliers(self, numbers: list[FloatArray]) -> list[FloatArray | None]:
         """Return the multiplier (n,) of each of `effects`, from the columns `needed`; None stands for 1."""

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tripwatt_gamm.arrays import FloatArray
+from tripwatt_gamm.arrays import FloatArray, central_differences
 from tripwatt_gamm.families import Family, Response
 from tripwatt_gamm.fit import End, Solution, Value, bounds, minimise
 from tripwatt_gamm.gram import Factor, Gram
@@ -118,10 +118,9 @@ class LaplaceModel:
         factor, M = mode.factor, self.stack.size
         leverage = self.rows.leverage(stack.rotate_factor(factor))
         V = stack.products(rho, mode.beta)
-        changes = np.zeros((len(theta), *d.shape))
-        for i, step in enumerate(STEP * np.eye(len(theta))):
-            up, down = (self.family.derivatives(self.response, mode.eta, theta + s) for s in (step, -step))
-            changes[i] = (up - down) / (2 * STEP)
+        changes = central_differences(
+            lambda t: self.family.derivatives(self.response, mode.eta, t), theta, STEP
+        )
         mixed = stack.rotate(self.rows.rmatvec(np.ascontiguousarray(changes[:, 1].T)))
         beta1 = factor.solve(np.hstack([-V, mixed]))
         trace = -beta1.T @ stack.rotate(self.rows.rmatvec(leverage * d[3]))

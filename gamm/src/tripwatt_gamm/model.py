@@ -69,6 +69,9 @@ class GAMM(Estimator):
         differs; shape and scale of the t.
     log_sp_covariance_, slopes_ : ndarray (M, M), (p, M)
         Covariance of the logs of `smoothing_parameters_`, from the Hessian of the score; slopes of the coefficients in them.
+    loadings_, joint_covariance_ : ndarray (q,), (q + M, q + M)
+        Loadings of correlated effects: the lower triangle of the unit matrix L in Sigma = L D L', row by row, times the
+        ratio of the root mean squares of the row's and the column's multiplier. Their covariance with these logs.
     reml_, loglik_, aic_, bic_, deviance_explained_, r2_, n_, residual_df_
         `reml_` is the negative log restricted likelihood; lme4's REML criterion is twice as large.
     fitted_values_, linear_predictor_, residuals_, deviance_residuals_ : ndarray (n,)

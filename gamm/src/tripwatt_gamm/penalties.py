@@ -7,7 +7,6 @@ Several penalties share one range space, in which log|S|+ is exact for smoothing
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -96,8 +95,8 @@ class PenaltyBlock:
         return 2 * n * float(np.log(np.abs(np.diag(R))).sum()), n * gradient, n * hessian
 
 
-def correlated_penalties(loadings: FloatArray) -> list[FloatArray]:
-    """Build the q penalties (q, q) of the q correlated effects of a level.
+def correlated_penalties(loadings: FloatArray, sizes: FloatArray) -> tuple[list[FloatArray], FloatArray]:
+    """Build the q penalties (q, q) of the q correlated effects of a level; return them and the remaining loadings.
 
     The effects of a level are b = L u, with L unit lower triangular and independent u of variances D. Their covariance
     is L D L', and its inverse is the sum of v_j v_j' / D_j over the rows v_j of the inverse of L: one penalty for each
@@ -105,13 +104,15 @@ def correlated_penalties(loadings: FloatArray) -> list[FloatArray]:
 
     Parameters
     ----------
-    loadings : ndarray (q (q - 1) / 2,)
-        Lower triangle of L, row by row.
+    loadings : ndarray
+        The first q (q - 1) / 2 are the lower triangle of L, row by row, in units of the ratio of `sizes`.
+    sizes : ndarray (q,)
+        Root mean squares of the effects' columns.
     """
-    q = round((1 + math.sqrt(1 + 8 * len(loadings))) / 2)
-    L = np.eye(q)
-    L[np.tril_indices(q, -1)] = loadings
-    return [np.outer(v, v) for v in np.linalg.inv(L)]
+    row, column = np.tril_indices(len(sizes), -1)
+    L = np.eye(len(sizes))
+    L[row, column] = loadings[: len(row)] * sizes[column] / sizes[row]
+    return [np.outer(v, v) for v in np.linalg.inv(L)], loadings[len(row) :]
 
 
 @dataclass(frozen=True)
@@ -189,9 +190,7 @@ class PenaltyStack:
         blocks, remaining = [], x
         for block in self.blocks:
             if (size := block.sizes) is not None:
-                row, column = np.tril_indices(len(size), -1)
-                own_loadings, remaining = remaining[: len(row)], remaining[len(row) :]
-                matrices = correlated_penalties(own_loadings * size[column] / size[row])
+                matrices, remaining = correlated_penalties(remaining, size)
                 block = PenaltyBlock.from_matrices(block.start, matrices, block.copies, size)
             blocks.append(block)
         return PenaltyStack(self.p, blocks)

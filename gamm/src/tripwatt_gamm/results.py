@@ -53,12 +53,14 @@ def _extremes(design: Design, parameters: FloatArray) -> list[str]:
 def _names(design: Design, solution: Solution, active: Index, which: list[int]) -> dict[str, Any]:
     """Terms, names of coefficients, ranges, levels and smoothing parameters; parameters without data are NaN."""
     names, coef_names = design.penalty_names, [name for fitted in design.terms for name in fitted.names]
-    parameters, covariance = np.full(len(names), math.nan), np.full((len(names), len(names)), math.nan)
+    q, parameters = len(solution.loadings), np.full(len(names), math.nan)
+    covariance = np.full((q + len(names), q + len(names)), math.nan)
     slopes = np.zeros((design.rows.p, len(names)))
     parameters[which], slopes[active[:, None], which] = np.exp(solution.rho), solution.slopes
     if solution.end.hessian.size:
         inverse = np.linalg.pinv(solution.end.hessian, hermitian=True)
-        covariance[np.ix_(which, which)] = inverse[: len(which), : len(which)]
+        known = np.array([*range(q), *(q + i for i in which)], dtype=np.intp)
+        covariance[np.ix_(known, known)] = inverse[: len(known), : len(known)]
     return {
         "formula": design.formula,
         "terms": design.terms,
@@ -73,7 +75,9 @@ def _names(design: Design, solution: Solution, active: Index, which: list[int]) 
         },
         "levels": {name: levels.names for name, levels in design.training.levels.items()},
         "smoothing_parameters": dict(zip(names, parameters.tolist(), strict=True)),
-        "log_sp_covariance": covariance,
+        "log_sp_covariance": covariance[q:, q:],
+        "joint_covariance": covariance,
+        "loadings": solution.loadings,
         "slopes": slopes,
     }
 

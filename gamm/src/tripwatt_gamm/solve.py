@@ -9,7 +9,7 @@ from typing import Literal
 import numpy as np
 from scipy.optimize import minimize, minimize_scalar
 
-from tripwatt_gamm.arrays import FloatArray, Index
+from tripwatt_gamm.arrays import FloatArray, Index, central_differences
 from tripwatt_gamm.errors import InvalidInput
 from tripwatt_gamm.families import ExponentialFamily, Family, Gaussian, Response, ScaledT
 from tripwatt_gamm.fit import Solution, fit_gaussian
@@ -244,8 +244,13 @@ def _search_loadings(problem: Problem) -> Solution | None:
         return math.inf if fitted is None else fitted.score
 
     def gradient(loadings: FloatArray) -> FloatArray:
-        steps = LOADING_STEP * np.eye(len(loadings))
-        return np.array([score(loadings + s) - score(loadings - s) for s in steps]) / (2 * LOADING_STEP)
+        return central_differences(score, loadings, LOADING_STEP)
+
+    def parameters(loadings: FloatArray) -> FloatArray:
+        fitted = fit_at(loadings)
+        if fitted is None:
+            return np.full(len(end.hessian), math.nan)
+        return np.append(fitted.rho, fitted.theta[problem.settings.family.free])[: len(end.hessian)]
 
     start = np.zeros(problem.stack.n_loadings)
     best = minimize(score, start, jac=gradient, method="BFGS", options={"gtol": 1e-4})
@@ -254,4 +259,34 @@ def _search_loadings(problem: Problem) -> Solution | None:
         return None
     flat = float(np.abs(best.jac).max()) < MAX_GRADIENT
     end = solution.end._replace(converged=solution.end.converged and flat)
+    # the Hessian is that at the autocorrelation found
+    known = None if solution.white is None else solution.white.rho
+    problem = replace(problem, settings=replace(problem.settings, ar1_rho=known))
+    if len(end.hessian):
+        slopes = central_differences(parameters, best.x, LOADING_STEP)
+        curvature = central_differences(gradient, best.x, LOADING_STEP)
+        end = end._replace(hessian=_joint_hessian(end.hessian, slopes.T, curvature))
     return replace(solution, loadings=best.x, end=end)
+
+
+def _joint_hessian(inner: FloatArray, slopes: FloatArray, curvature: FloatArray) -> FloatArray:
+    """Hessian of the score in the loadings (q,) and in the parameters of a fit at given loadings (m,).
+
+    Parameters
+    ----------
+    inner : ndarray (m, m)
+        Hessian H of the score at given loadings.
+    slopes : ndarray (m, q)
+        Slopes D, in the loadings, of the parameters that fit best at given loadings.
+    curvature : ndarray (q, q)
+        Hessian, in the loadings, of the score of the best fit at given loadings.
+
+    Returns
+    -------
+    ndarray (q + m, q + m)
+        The gradient in the parameters stays zero along D: the mixed block is -H D, that of the loadings `curvature` + D'H D.
+        (0, 0) if a fit near the best one failed.
+    """
+    mixed = -inner @ slopes
+    joint = np.block([[(curvature + curvature.T) / 2 - slopes.T @ mixed, mixed.T], [mixed, inner]])
+    return joint if np.isfinite(joint).all() else np.zeros((0, 0))

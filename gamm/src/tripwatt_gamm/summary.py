@@ -182,7 +182,7 @@ class Summary:
         title = "Approximate significance of smooth terms:"
         lines += _section(title, self.smooth, ["edf", "Ref.df", smooth, "p-value"], "{:.3f}")
         if len(self.variance) > 1:
-            shown = self.variance.drop(columns="variance")
+            shown = self.variance.drop(columns="variance").dropna(axis="columns", how="all")
             printed = shown.to_string(index=False, na_rep="", float_format="%.4f").split("\n")
             lines += ["", "Variance components:", *map(str.rstrip, printed)]
         explained = f"Deviance explained = {100 * self.deviance_explained:.3g}%"

@@ -167,11 +167,9 @@ class RandomEffect:
     @property
     def label(self) -> str:
         """Name of the term in tables."""
-        return (
-            f"({'+'.join(('1', *self.others))}|{self.name})"
-            if self.correlated
-            else f"s({','.join(self.columns)})"
-        )
+        if self.correlated:
+            return f"({'+'.join(('1', *self.others))}|{self.name})"
+        return f"s({','.join(self.columns)})"
 
     @property
     def columns(self) -> tuple[str, ...]:
