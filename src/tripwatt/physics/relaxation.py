@@ -70,10 +70,7 @@ class Relaxation:
             starts = np.broadcast_to(initial, (len(target), 1))[:, 0].tolist()
             return np.stack([row.solve(*pair) for row, *pair in zip(rows, starts, target, strict=True)])
         if not self.blocks:
-            result = (self.gain * target).cumsum(axis=-1)
-            result += initial
-            result /= self.growth
-            return np.asarray(result, dtype=np.float64)
+            return np.asarray(((self.gain * target).cumsum(axis=-1) + initial) / self.growth)
         result = np.empty_like(target)
         state = initial
         for first, last in self.blocks:

@@ -182,9 +182,8 @@ def grade_from_elevation(time_s: FloatArray, speed_m_s: FloatArray, elevation_m:
     np.float64(0.02)
     """
     known = np.isfinite(elevation_m)
-    distance = np.zeros_like(time_s)
     step = np.diff(time_s) * (0.5 * (speed_m_s[1:] + speed_m_s[:-1]))
-    np.cumsum(step, out=distance[1:])
+    distance = running_sum(step)
     if not known.any() or not distance[-1] > 0.0:
         return np.zeros(len(time_s))
     sound = heights_of_a_road(time_s, distance, elevation_m)
