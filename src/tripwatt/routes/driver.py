@@ -231,32 +231,15 @@ def reachable_speed(
     weighted_m = position_m if effort is None else running_sum(effort * np.diff(position_m))
     half_squared = style.half_acceleration_speed_m_s**2
     squared = aimed_m_s**2
-    forward = squared**2
-    forward /= 4.0 * half_squared
-    forward += squared / 2.0
-    forward /= style.acceleration_m_s2
-    forward -= weighted_m
-    np.minimum.accumulate(forward, out=forward)
-    forward += weighted_m
+    potential_m = (squared**2 / (4.0 * half_squared) + squared / 2.0) / style.acceleration_m_s2
+    forward = np.minimum.accumulate(potential_m - weighted_m) + weighted_m
     # the rationalised root of the quadratic, exact also where v << h
-    scaled = np.maximum(forward, 0.0, out=forward)
-    scaled *= 2.0 * style.acceleration_m_s2
-    divisor = 2.0 * scaled
-    divisor /= half_squared
-    divisor += 1.0
-    np.sqrt(divisor, out=divisor)
-    divisor += 1.0
-    scaled *= 2.0
-    scaled /= divisor
-    np.minimum(squared, scaled, out=squared)
-    backward = squared / (2.0 * style.deceleration_m_s2)
-    backward += weighted_m
-    backward = np.minimum.accumulate(backward[::-1])[::-1]
-    backward -= weighted_m
-    np.maximum(backward, 0.0, out=backward)
-    backward *= 2.0 * style.deceleration_m_s2
-    np.minimum(squared, backward, out=squared)
-    return np.sqrt(squared, out=squared)
+    scaled = np.maximum(forward, 0.0) * (2.0 * style.acceleration_m_s2)
+    root = np.sqrt(2.0 * scaled / half_squared + 1.0) + 1.0
+    squared = np.minimum(squared, 2.0 * scaled / root)
+    after = squared / (2.0 * style.deceleration_m_s2) + weighted_m
+    backward = np.minimum.accumulate(after[::-1])[::-1] - weighted_m
+    return np.sqrt(np.minimum(squared, np.maximum(backward, 0.0) * (2.0 * style.deceleration_m_s2)))
 
 
 def smooth_noise(at: FloatArray, memory: float, rng: np.random.Generator) -> FloatArray:
