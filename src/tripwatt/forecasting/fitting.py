@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
+from dataclasses import asdict
 from typing import Any, Final
 
 import numpy as np
@@ -170,10 +171,7 @@ def held_out_figures(trips: Sequence[HeldOut]) -> dict[str, Any]:
         "mape": float(np.mean(np.abs(error) / np.abs(observed))),
         "rmse_wh": float(np.sqrt(np.mean(error**2))),
         "bias_wh": float(np.mean(error)),
-        "by_trip": [
-            {"trip": t.trip, "observed_wh": t.observed_wh, "predicted_wh": t.predicted_wh, "score": t.score}
-            for t in trips
-        ],
+        "by_trip": [asdict(trip) for trip in trips],
     }
 
 

@@ -278,10 +278,8 @@ class ForecastModel:
             share = float(np.sqrt(np.mean(measured.common**2)))
             wider = self.uncertainty_.scale.with_share(share, float(observed.sum() / moved.sum()))
             self.uncertainty_ = replace(self.uncertainty_, scale=wider)
-        self.held_out_ = tuple(
-            HeldOut(name, float(o), float(o - e), float(s))
-            for name, o, e, s in zip(table.trip_ids, observed, errors, scores, strict=True)
-        )
+        columns = np.stack((observed, observed - errors, scores)).tolist()
+        self.held_out_ = tuple(map(HeldOut, table.trip_ids, *columns))
 
     def fitted_parts(self, where: str) -> tuple[PowerCorrector, UncertaintyModel]:
         """Corrector and uncertainty of a fitted model.

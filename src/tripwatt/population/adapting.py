@@ -193,8 +193,7 @@ class Adaptation:
             ranges_=_joined(self.base.ranges_, self.ranges) if self.ranges else self.base.ranges_,
             trip_ids_=self.evidence.trip_ids,
             held_out_=tuple(
-                HeldOut(name, float(o), float(p), float(s))
-                for name, o, p, s in zip(self.evidence.trip_ids, observed, predicted, own, strict=True)
+                map(HeldOut, self.evidence.trip_ids, *np.stack((observed, predicted, own)).tolist())
             ),
             evidence_=self.evidence if len(self.evidence) else None,
             roads_=self.roads,
