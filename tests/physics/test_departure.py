@@ -3,7 +3,7 @@
 import pytest
 
 from tripwatt.physics import conditions_at_departure
-from tripwatt.physics.departure import warmth_from_cabin
+from tripwatt.physics.conditions import warmth_from_cabin
 from tripwatt.trips import Departure
 from tripwatt.vehicles import load_vehicle
 

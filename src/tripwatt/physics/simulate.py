@@ -15,8 +15,7 @@ from tripwatt.errors import raise_faults
 from tripwatt.physics.arguments import argument_faults
 from tripwatt.physics.cabin import CabinRun, CabinTask, condition_cabins, irradiance
 from tripwatt.physics.chain import CAUSE_NAMES, Trace, drive_chain
-from tripwatt.physics.conditions import UNKNOWN_AMBIENT_DEGC, DriveConditions
-from tripwatt.physics.departure import warmth_from_cabin
+from tripwatt.physics.conditions import UNKNOWN_AMBIENT_DEGC, DriveConditions, warmth_from_cabin
 from tripwatt.physics.road_load import air_density, grade_from_elevation
 from tripwatt.trips import Departure, Flag, Plan, PlanWeather, Recorded
 from tripwatt.trips.showing import period
