@@ -3,21 +3,20 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 import numpy.typing as npt
 
 from tripwatt.arrays import FloatArray
-from tripwatt.errors import raise_faults
-from tripwatt.physics.arguments import argument_faults
+from tripwatt.errors import Fault, raise_faults
 from tripwatt.physics.cabin import CabinRun, CabinTask, condition_cabins, irradiance
 from tripwatt.physics.chain import CAUSE_NAMES, Trace, drive_chain
 from tripwatt.physics.conditions import UNKNOWN_AMBIENT_DEGC, DriveConditions, warmth_from_cabin
 from tripwatt.physics.road_load import air_density, grade_from_elevation
-from tripwatt.trips import Departure, Flag, Plan, PlanWeather, Recorded
+from tripwatt.trips import COLUMNS, QUANTITIES, Departure, Flag, Plan, PlanWeather, Recorded
 from tripwatt.trips.showing import period
 from tripwatt.units import WH_PER_J, with_units
 from tripwatt.vehicles import Vehicle, with_extras
@@ -26,6 +25,8 @@ if TYPE_CHECKING:
     import pandas as pd
 
     from tripwatt.figures import Axes, Figure
+
+STRONGEST_WIND_M_S: Final = QUANTITIES["wind_speed_m_s"].maximum
 
 
 @dataclass(frozen=True, eq=False, slots=True, repr=False)
@@ -353,7 +354,7 @@ def _drive_of(
     speed = np.asarray(speed_m_s, dtype=np.float64)
     slope, height, given, wind = (None if a is None else np.asarray(a, dtype=np.float64) for a in more)
     climate = np.zeros(()) if given is None else given
-    faults = argument_faults(time, speed, slope, height, climate, wind)
+    faults = _argument_faults(time, speed, slope, height, climate, wind)
     raise_faults([*faults, *conditions.faults(vehicle)])
     if road is not None:
         slope = road
@@ -399,3 +400,43 @@ def _simulated(drive: Drive) -> Simulation:
     power, fan, air = drive.climate(cabin)
     arrays, flags = drive_chain(drive.vehicle, trace, drive.conditions, power)
     return Simulation(**arrays, fan_power_w=fan, cabin_temperature_degc=air, flags=flags[0])
+
+
+def _argument_faults(
+    time: FloatArray,
+    speed: FloatArray,
+    slope: FloatArray | None,
+    height: FloatArray | None,
+    climate: FloatArray,
+    headwind: FloatArray | None,
+) -> Iterator[Fault]:
+    """Yield a fault for every argument of `simulate` that cannot be used.
+
+    All arrays have the shape of `time`; `climate` may also be a single number, and `height` may have NaN.
+    """
+    if time.ndim != 1 or len(time) < 2:
+        yield Fault("wrong shape", "time_s", str(time.shape), "one dimension, at least 2 samples")
+    elif np.isfinite(time).all() and not (time[1:] > time[:-1]).all():
+        late = int(np.flatnonzero(np.diff(time) <= 0)[0]) + 1
+        got = f"{time[late]:g} s after {time[late - 1]:g} s"
+        yield Fault("time does not increase", f"time_s, sample {late}", got, "increasing times")
+    for name, values, low, high in (
+        ("time_s", time, -np.inf, np.inf),
+        ("speed_m_s", speed, *COLUMNS["speed_m_s"].bounds),
+        ("grade", slope, *COLUMNS["grade"].bounds),
+        ("elevation_m", height, -np.inf, np.inf),
+        ("climate_power_w", climate, 0.0, 1e5),
+        ("headwind_m_s", headwind, -STRONGEST_WIND_M_S, STRONGEST_WIND_M_S),
+    ):
+        if values is None:
+            continue
+        if values.shape not in (time.shape, () if name == "climate_power_w" else time.shape):
+            yield Fault("wrong shape", name, str(values.shape), f"that of time_s, {time.shape}")
+        wrong = np.isinf(values) if name == "elevation_m" else ~np.isfinite(values)
+        if wrong.any():
+            sample = int(np.flatnonzero(wrong)[0])
+            where, got = f"{name}, sample {sample}", str(values.flat[sample])
+            yield Fault("missing value", where, got, "finite numbers")
+        elif values.size and (values.min() < low or values.max() > high):
+            got = f"{values.min() if values.min() < low else values.max():g}"
+            yield Fault("value out of range", name, got, f"{low:g} to {high:g}")
