@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 from tests.hybrid.tables import EXACT
 
-from tripwatt.hybrid.baselines import EnergyRegression, PhysicsOnly
+from tripwatt.hybrid.trip_table import EnergyRegression, PhysicsOnly
 
 
 def test_regression_of_the_relative_error() -> None:

@@ -4,13 +4,12 @@
 quantities known before departure. In both, ``residual = observed - simulated`` and ``predicted = simulated + correction``.
 """
 
-from tripwatt.hybrid.baselines import EnergyRegression, PhysicsOnly
 from tripwatt.hybrid.correctors import POWER_CORRECTORS, STORABLE, power_corrector
 from tripwatt.hybrid.identification import Identified, StageRecord, identify, identify_trips, stage_record
 from tripwatt.hybrid.outside import Corrector
 from tripwatt.hybrid.power import PowerCorrector
 from tripwatt.hybrid.segments import SegmentTable, resimulated, segment_table, segment_trips
-from tripwatt.hybrid.trip_table import EnergyModel, TripTable, build_table
+from tripwatt.hybrid.trip_table import EnergyModel, EnergyRegression, PhysicsOnly, TripTable, build_table
 
 __all__ = [
     "POWER_CORRECTORS",
