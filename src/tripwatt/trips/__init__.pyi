@@ -107,13 +107,13 @@ from .trip import (
     Trip as Trip,
 )
 from .trip import (
+    TripSet as TripSet,
+)
+from .trip import (
     require_unique_ids as require_unique_ids,
 )
 from .trip import (
     resample as resample,
-)
-from .trip_set import (
-    TripSet as TripSet,
 )
 from .weather import (
     PlanWeather as PlanWeather,
