@@ -25,9 +25,6 @@ from .columns import (
 from .columns import (
     scalar_faults as scalar_faults,
 )
-from .context import (
-    Context as Context,
-)
 from .departure import (
     ASKED as ASKED,
 )
@@ -45,6 +42,9 @@ from .departure import (
 )
 from .departure import (
     TERRAINS as TERRAINS,
+)
+from .departure import (
+    Context as Context,
 )
 from .departure import (
     Departure as Departure,

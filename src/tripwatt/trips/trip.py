@@ -12,8 +12,7 @@ import pandas as pd
 
 from tripwatt.errors import InvalidInput
 from tripwatt.trips.columns import COLUMNS, raise_faults
-from tripwatt.trips.context import Context
-from tripwatt.trips.departure import Departure
+from tripwatt.trips.departure import Context, Departure
 from tripwatt.trips.energy import observed_cumulative_energy, observed_energy, observed_energy_std
 from tripwatt.trips.flags import Flag
 from tripwatt.trips.reading import ReadingReport
