@@ -16,17 +16,15 @@ from tools.command import run
 from benchmarks.measure import tum_folder
 from tripwatt.hybrid import SegmentTable, power_corrector, segment_table
 from tripwatt.hybrid.power import (
+    CLIMATE_TERMS,
+    DRIVE_TERMS,
+    DRIVE_TREE_FEATURES,
     TREE_FEATURES,
     EnsembleCorrector,
     GPCorrector,
     PowerCorrector,
-    boosting_corrector,
-)
-from tripwatt.hybrid.split import (
-    CLIMATE_TERMS,
-    DRIVE_TERMS,
-    DRIVE_TREE_FEATURES,
     SplitCorrector,
+    boosting_corrector,
 )
 from tripwatt.physics import simulate_trip
 from tripwatt.sources import read_logs

@@ -4,15 +4,13 @@ from tests.hybrid.tables import CAUSES_W
 
 from tripwatt.hybrid import power
 from tripwatt.hybrid.power import (
+    CLIMATE_TERMS,
+    DRIVE_TERMS,
+    DRIVE_TREE_FEATURES,
     TREE_FEATURES,
     GPCorrector,
     boosting_corrector,
     forest_corrector,
-)
-from tripwatt.hybrid.split import (
-    CLIMATE_TERMS,
-    DRIVE_TERMS,
-    DRIVE_TREE_FEATURES,
 )
 from tripwatt.trips import TEMPERATURES
 

@@ -8,11 +8,11 @@ import pytest
 from tests.hybrid.tables import NO, Fixed, table
 
 from tripwatt.hybrid import SegmentTable, power_corrector
-from tripwatt.hybrid.segments import LINE_CAUSES
-from tripwatt.hybrid.split import (
+from tripwatt.hybrid.power import (
     SplitCorrector,
     climate_logged,
 )
+from tripwatt.hybrid.segments import LINE_CAUSES
 from tripwatt.trips import TEMPERATURES
 
 

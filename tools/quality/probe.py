@@ -18,8 +18,7 @@ import numpy as np
 import tripwatt as tw
 from tripwatt.forecasting import Forecast, ForecastModel
 from tripwatt.hybrid import identify_trips, segment_trips
-from tripwatt.hybrid.power import GPCorrector
-from tripwatt.hybrid.split import CLIMATE_TERMS, DRIVE_TERMS, SplitCorrector
+from tripwatt.hybrid.power import CLIMATE_TERMS, DRIVE_TERMS, GPCorrector, SplitCorrector
 from tripwatt.physics import simulate_trip
 from tripwatt.population import for_car
 from tripwatt.routes import plan_on_links

@@ -15,7 +15,7 @@ import numpy as np
 from tripwatt.arrays import IntArray
 from tripwatt.hybrid import Corrector, PowerCorrector, SegmentTable, resimulated
 from tripwatt.hybrid.correctors import TUNED, fresh_corrector
-from tripwatt.hybrid.split import climate_logged
+from tripwatt.hybrid.power import climate_logged
 from tripwatt.learners.folds import leave_one_out
 from tripwatt.trips import Plan, Trip
 from tripwatt.vehicles import Vehicle

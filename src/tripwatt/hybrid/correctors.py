@@ -14,10 +14,11 @@ from tripwatt.hybrid.power import (
     GammCorrector,
     GPCorrector,
     PowerCorrector,
+    SplitCorrector,
     boosting_corrector,
     forest_corrector,
+    split_corrector,
 )
-from tripwatt.hybrid.split import SplitCorrector, split_corrector
 
 POWER_CORRECTORS: Final[Mapping[str, Callable[[int], PowerCorrector]]] = {
     "linear": lambda seed: GPCorrector(LINES),

@@ -21,9 +21,14 @@ from tripwatt.hybrid.covariates import CovariateCorrector
 from tripwatt.hybrid.factors import FactorCorrector
 from tripwatt.hybrid.familiarity import Familiarity
 from tripwatt.hybrid.outside import Corrector, TableCorrector, fitted_outside
-from tripwatt.hybrid.power import EnsembleCorrector, GPCorrector, LearnerCorrector, PowerCorrector
+from tripwatt.hybrid.power import (
+    EnsembleCorrector,
+    GPCorrector,
+    LearnerCorrector,
+    PowerCorrector,
+    SplitCorrector,
+)
 from tripwatt.hybrid.segments import SegmentTable
-from tripwatt.hybrid.split import SplitCorrector
 from tripwatt.learners.gp import KernelTerm
 from tripwatt.learners.outside import OutsideRegressor
 from tripwatt.learners.treetable import TreeTable
