@@ -29,7 +29,7 @@ from tripwatt.trips import Context, Log
 pytest.importorskip("deltalake", reason="needs the extra tripwatt[fleet]")
 
 from tripwatt.fleet.store import Added, add_files, create_store, open_store
-from tripwatt.fleet.store.delta import is_url, join_place
+from tripwatt.fleet.store.delta import DeltaFolder, is_url, join_place
 
 CAR = "nissan_leaf_24"
 
@@ -311,6 +311,27 @@ def test_forgetting_leaves_nothing(store, tmp_path):
     store.samples.append(samples_table([stored_log(drive(trip="D"), "ghost", CAR, 4)], "b"))
     assert store.forget("ghost") == 0  # what a crash left behind is erased as well
     assert len(store.samples.read(["sample"])) == 400
+
+
+def test_forgetting_that_was_killed_before_the_files_is_repeated(store, tmp_path, monkeypatch):
+    store.add([drive(vehicle="WVWZZZ17", trip="A"), drive(vehicle="V2", trip="B")], car_model=CAR)
+
+    def stop(*_):
+        raise KeyboardInterrupt
+
+    def left():
+        return [p for p in (tmp_path / "fleet").rglob("*.parquet") if b"WVWZZZ17" in p.read_bytes()]
+
+    with monkeypatch.context() as patch:
+        patch.setattr(DeltaFolder, "drop_old_files", stop)
+        with pytest.raises(KeyboardInterrupt):
+            store.forget("WVWZZZ17")
+    store.compact()
+    assert left(), "the rows are gone, the files are not"
+    with pytest.raises(InvalidInput, match="unknown vehicle"):
+        store.forget("WVWZZZ17")
+    assert not left()
+    assert [log.trip_id for log in store.logs()] == ["B"]
 
 
 def test_the_audit_judges_the_logs_of_a_vehicle_together(store):

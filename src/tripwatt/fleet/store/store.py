@@ -460,7 +460,7 @@ class TripStore:
         return self.samples.delete(f"batch IN ({_sql_texts(lost)})") if lost else 0
 
     def forget(self, vehicle_id: str) -> int:
-        """Erase a vehicle: its rows, its samples, and the data files that held them.
+        """Erase a vehicle: its rows, its samples, and the data files that held them; a killed call can be repeated.
 
         Old versions of the tables that need these files can no longer be read. Models and reports that were made from the trips are
         not part of a store and stay as they are.
@@ -478,7 +478,7 @@ class TripStore:
         Raises
         ------
         InvalidInput
-            If the store has nothing of this vehicle.
+            If the tables have no rows of this vehicle; files that held them earlier are removed all the same.
         """
         bucket = bucket_of(vehicle_id, self.buckets)
         of_vehicle = (pc.field("bucket") == bucket) & (pc.field("vehicle_id") == vehicle_id)
@@ -488,10 +488,13 @@ class TripStore:
             # a predicate stays in the table's log, so it must not name the vehicle
             where = f"bucket = {bucket} AND digest IN ({_sql_texts(digests)})"
             erased.append(folder.delete(where) if digests else 0)
+        for folder in (
+            self.rows,
+            self.samples,
+        ):  # first: an earlier call may have been killed before it came here
+            folder.drop_old_files(0)
         if not any(erased):
             raise InvalidInput.of("unknown vehicle", "vehicle_id", repr(vehicle_id), "a vehicle of the store")
-        for folder in (self.rows, self.samples):
-            folder.drop_old_files(0)
         return erased[0]
 
     def about(self) -> dict[str, Any]:
