@@ -334,8 +334,14 @@ def _remove(path: Path) -> None:
 
 
 @contextlib.contextmanager
-def folder_lock(folder: Path) -> Iterator[None]:
+def folder_lock(folder: Path, fix: str = "wait for it to end, or choose another folder") -> Iterator[None]:
     """Hold the lock of a folder until the block or the process ends. Windows has no such lock.
+
+    Parameters
+    ----------
+    folder : Path
+    fix : str
+        What to do when another process holds the lock.
 
     Raises
     ------
@@ -351,7 +357,7 @@ def folder_lock(folder: Path) -> Iterator[None]:
             stack.callback(os.close, descriptor)
             fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except OSError as error:
-            got, fix = "a run at work", "wait for it to end, or choose another folder"
+            got = "a run at work"
             raise InvalidInput.of(
                 "another run writes this output", f"{folder}", got, "one run", fix
             ) from error

@@ -13,7 +13,7 @@ from typer.testing import CliRunner
 from tripwatt.command import app
 from tripwatt.command.serve import make_cars_folder
 from tripwatt.errors import InvalidInput
-from tripwatt.server.cars.folder import digest_of, token_digest
+from tripwatt.server.cars.folder import digest_of, setting_of
 
 
 def run(*arguments: object) -> str:
@@ -24,10 +24,10 @@ def run(*arguments: object) -> str:
 
 def test_a_token_is_printed_once_and_is_that_of_the_car(tmp_path: Path) -> None:
     printed = run("car", "token", tmp_path / "leaf").strip()
-    assert token_digest(tmp_path / "leaf") == digest_of(printed)
+    assert setting_of(tmp_path / "leaf", "token") == digest_of(printed)
     made = json.loads(run("car", "token", tmp_path / "leaf", "--json"))
     assert made["car"] == f"{tmp_path / 'leaf'}"
-    assert token_digest(tmp_path / "leaf") == digest_of(made["token"]) != digest_of(printed)
+    assert setting_of(tmp_path / "leaf", "token") == digest_of(made["token"]) != digest_of(printed)
 
 
 def test_a_new_folder_of_cars_is_made_and_only_there(tmp_path: Path) -> None:

@@ -40,7 +40,7 @@ from tripwatt.roads.maps.folder import INDEX_NAME, INFO_NAME, open_map
 from tripwatt.routes import parse_route
 from tripwatt.server.cars import Car, Sample, TopicJoiner, sample_from_abrp
 from tripwatt.server.cars.car_file import text_of
-from tripwatt.server.cars.folder import token_digest
+from tripwatt.server.cars.folder import setting_of
 from tripwatt.server.http.jobs import Jobs
 from tripwatt.server.http.problems import Problem
 from tripwatt.server.http.settings import Limits
@@ -316,7 +316,7 @@ def _live_file(name: str) -> Read:
         place = _live_folder(folder)
         (place / "live" / name).write_bytes(content)
         with Car.follow(place) as car:
-            token_digest(place)
+            setting_of(place, "token")
             if car.plan is not None:
                 with contextlib.suppress(InvalidInput):
                     assert car.plan.road.duration_s > 0.0

@@ -19,9 +19,6 @@ from tripwatt.server.cars import Sample, sample_from_abrp
 from tripwatt.server.cars.car_file import (
     FORMAT,
     CarFile,
-    put_logs,
-    put_messages,
-    put_settings,
     row_of_log,
     text_of,
 )
@@ -44,12 +41,12 @@ def file(tmp_path: Path) -> CarFile:
 
 def test_messages_and_settings_are_read_to_the_last_bit_in_the_order_of_their_arrival(file: CarFile) -> None:
     with file.write() as db:
-        put_messages(db, SAMPLES)
-        put_settings(db, {"air": [0.1 + 0.2, float("-inf")], "plan": {"reserve": None}})
+        db.put_messages(SAMPLES)
+        db.put_settings({"air": [0.1 + 0.2, float("-inf")], "plan": {"reserve": None}})
     assert file.messages() == SAMPLES
     assert file.setting("air") == [0.1 + 0.2, float("-inf")]
     with file.write() as db:
-        put_settings(db, {"plan": None})
+        db.put_settings({"plan": None})
     assert file.setting("plan") is None
     assert file.path.stat().st_mode & 0o777 == 0o600
 
@@ -65,8 +62,8 @@ def test_a_log_comes_back_value_for_value_and_is_there_once(file: CarFile) -> No
     log = replace(given, samples=gap, context=replace(given.context, driver="me", payload_mass_kg=80.0))
     undated = replace(other, context=replace(other.context, started_at=None))
     with file.write() as db:
-        assert put_logs(db, [row_of_log(undated), row_of_log(log)]) == 2
-        assert put_logs(db, [row_of_log(log), row_of_log(replace(log, trip_id="again"))]) == 0
+        assert db.put_logs([row_of_log(undated), row_of_log(log)]) == 2
+        assert db.put_logs([row_of_log(log), row_of_log(replace(log, trip_id="again"))]) == 0
     found, last = file.logs()
     pd.testing.assert_frame_equal(found.samples, log.samples, check_column_type=False)
     assert (found.trip_id, found.context) == (log.trip_id, log.context)
@@ -77,22 +74,22 @@ def test_a_log_comes_back_value_for_value_and_is_there_once(file: CarFile) -> No
 def test_a_full_disk_leaves_the_file_as_it_was(file: CarFile) -> None:
     many = [Sample(T0 + k, {"speed_m_s": 1.0}) for k in range(5000)]
     with file.write() as db:
-        put_messages(db, SAMPLES)
+        db.put_messages(SAMPLES)
     with full_disk(65_536), pytest.raises(OSError, match="cannot write the car"), file.write() as db:
-        put_messages(db, many)
+        db.put_messages(many)
     assert file.messages() == SAMPLES
     with file.write() as db:
-        put_messages(db, many)
+        db.put_messages(many)
     assert len(file.messages()) == len(SAMPLES) + len(many)
 
 
 def test_readers_see_a_transaction_as_a_whole_and_writers_wait_for_each_other(file: CarFile) -> None:
     def write() -> None:
         with file.write() as db:
-            put_messages(db, SAMPLES[1:2])
+            db.put_messages(SAMPLES[1:2])
 
     with file.write() as db:
-        put_messages(db, SAMPLES[:1])
+        db.put_messages(SAMPLES[:1])
         other = Thread(target=write)
         other.start()
         assert file.messages() == []
@@ -107,7 +104,7 @@ def test_a_transaction_that_reads_first_waits_for_a_writer(file: CarFile) -> Non
         with file.write() as db:
             row = db.execute("SELECT value FROM settings WHERE name = 'count'").fetchone()
             sleep(0.05)
-            put_settings(db, {"count": 1 if row is None else json.loads(row[0]) + 1})
+            db.put_settings({"count": 1 if row is None else json.loads(row[0]) + 1})
 
     several = [Thread(target=add) for _ in range(4)]
     for one in several:
@@ -120,9 +117,9 @@ def test_a_transaction_that_reads_first_waits_for_a_writer(file: CarFile) -> Non
 def test_nothing_is_left_of_what_was_erased(file: CarFile) -> None:
     file.keep_open()
     with file.write() as db:
-        put_settings(db, {"plan": {"place": "48.137154"}})
+        db.put_settings({"plan": {"place": "48.137154"}})
     with file.write() as db:
-        put_settings(db, {"plan": None})
+        db.put_settings({"plan": None})
     file.checkpoint()
     written = b"".join(path.read_bytes() for path in file.path.parent.iterdir())
     assert b"48.137154" not in written
@@ -151,6 +148,6 @@ def test_a_file_that_a_killed_process_began_is_made_again(tmp_path: Path) -> Non
     with pytest.raises(KeyboardInterrupt):
         file.prepare(killed)
     assert file.setting("state") is None
-    file.prepare(lambda db: put_settings(db, {"state": "x"}))
+    file.prepare(lambda db: db.put_settings({"state": "x"}))
     file.prepare(killed)  # not again
     assert file.setting("state") == "x"

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pandas as pd
 import pytest
 
-from tripwatt.server.cars import Diary, Score
+from tripwatt.server.cars.diary import Diary, Score
 
 
 def test_scores_by_hand() -> None:

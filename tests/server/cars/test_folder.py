@@ -10,8 +10,8 @@ from tests.server.cars.messages import NOON_S, abrp_messages, measured
 from tests.support.drives import example_trip
 
 from tripwatt.errors import InvalidInput
-from tripwatt.server.cars import Car, create_car, forget_car, has_token, issue_token, sample_from_abrp
-from tripwatt.server.cars.folder import digest_of, token_digest
+from tripwatt.server.cars import Car, create_car, forget_car, issue_token, sample_from_abrp
+from tripwatt.server.cars.folder import digest_of, setting_of
 from tripwatt.server.cars.live_trip import SILENCE_S
 
 LATITUDE, LONGITUDE = 48.137154, 11.576124
@@ -132,13 +132,13 @@ def test_a_car_that_is_followed_is_not_forgotten_beside_its_service(folder: Path
 
 
 def test_a_token_is_that_of_one_car_and_is_not_stored(folder: Path) -> None:
-    assert not has_token(folder)
+    assert not (setting_of(folder, "token") is not None)
     token, other = issue_token(folder), issue_token(folder.with_name("other"))
-    assert has_token(folder)
-    assert token_digest(folder) == digest_of(token)
-    assert token_digest(folder.with_name("other")) == digest_of(other)
+    assert setting_of(folder, "token") is not None
+    assert setting_of(folder, "token") == digest_of(token)
+    assert setting_of(folder.with_name("other"), "token") == digest_of(other)
     again = issue_token(folder)
-    assert token_digest(folder) == digest_of(again)
+    assert setting_of(folder, "token") == digest_of(again)
     assert len({token, other, again}) == 3
     assert again.encode() not in content(folder)
-    assert token_digest(folder.with_name("third")) is None
+    assert setting_of(folder.with_name("third"), "token") is None

@@ -24,9 +24,9 @@ from tripwatt.errors import InvalidInput
 from tripwatt.forecasting import Forecast
 from tripwatt.routes import links_of_trip
 from tripwatt.server.cars import Car, Sample, TopicJoiner
-from tripwatt.server.cars import car as car_module
 from tripwatt.server.cars import live_car as module
 from tripwatt.server.cars.car import AIR_S
+from tripwatt.server.cars.car_file import Database
 from tripwatt.server.cars.live_trip import SILENCE_S
 from tripwatt.server.cars.sender import LATE_S
 from tripwatt.trips import Plan
@@ -127,7 +127,7 @@ def test_a_trip_that_has_ended_is_in_the_file_with_what_is_left_of_its_messages_
         car.set_plan({"to": "work"})
         fed(car, samples_of(drive))
         with monkeypatch.context() as patch:
-            patch.setattr(module, "put_messages", full)
+            patch.setattr(Database, "put_messages", full)
             with pytest.raises(OSError, match="disk is full"):
                 car.finish_trip()
         assert (car.logs(), finished) == ((), [])
@@ -244,7 +244,7 @@ def test_a_forecast_that_was_not_stored_is_not_that_of_the_departure(
             fed(car, sent[len(car.observed()) : until])
             with monkeypatch.context() as patch:
                 if until < 200:
-                    patch.setattr(car_module, "put_forecasts", full)
+                    patch.setattr(Database, "put_forecasts", full)
                 assert car.document(NOW_S)["forecast"] is not None
         (kept,) = car.forecasts
         assert car.trip is not None

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from tripwatt.arrays import hold_last
-from tripwatt.server.cars import LiveTrip, Sample, TripFinder, live_trip
+from tripwatt.server.cars import Sample, live_trip
 from tripwatt.server.cars.live_trip import (
     BEFORE_S,
     HOLD_S,
@@ -16,6 +16,8 @@ from tripwatt.server.cars.live_trip import (
     PARKED_S,
     SILENCE_S,
     STANDING_S,
+    LiveTrip,
+    TripFinder,
 )
 
 T0 = 1_700_000_000.0

@@ -16,9 +16,9 @@ from tests.server.cars.messages import NOON_S
 pytest.importorskip("deltalake", reason="the extra tripwatt[fleet] is not installed")
 
 from tripwatt.errors import InvalidInput
-from tripwatt.server.cars import Car, Sample, forget_car, has_token, is_car, older, open_car
+from tripwatt.server.cars import Car, Sample, forget_car, is_car, older, open_car
 from tripwatt.server.cars.car_file import text_of
-from tripwatt.server.cars.folder import digest_of, token_digest
+from tripwatt.server.cars.folder import digest_of, setting_of
 
 FIXTURE = Path(__file__).parents[2] / "fixtures" / "car-0.3.0.dev0.zip"
 """A Leaf that learned two of three logs and a trip of the road, has finished a second one, and is on a third; as 0.3.0.dev0 wrote it."""
@@ -39,7 +39,7 @@ def place(tmp_path: Path) -> Path:
 def all_is_there(place: Path) -> None:
     own = open_car(place)
     assert [path.name for path in place.iterdir()] == ["car.sqlite"]
-    assert (own.label, own.vehicle.name, own.base, len(own.left_out)) == (
+    assert (own.label, own.vehicle.name, own.file.setting("base"), len(own.left_out)) == (
         "My Leaf",
         "nissan_leaf_24",
         None,
@@ -54,7 +54,7 @@ def all_is_there(place: Path) -> None:
     assert len(own.model().trip_ids_) == 3
     assert own.has_news
     assert [made.energy_wh for made in own.forecasts_of(ROAD[1])] == [2000.0]
-    assert (has_token(place), token_digest(place)) == (True, digest_of(TOKEN))
+    assert setting_of(place, "token") == digest_of(TOKEN)
 
 
 def test_a_folder_is_read_with_everything_and_goes_on(place: Path) -> None:

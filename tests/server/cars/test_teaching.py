@@ -13,7 +13,7 @@ from tests.server.cars.messages import NOON_S, measured, samples_of
 import tripwatt as tw
 from tripwatt.errors import InvalidInput
 from tripwatt.server.cars import Car, create_car, is_car, open_car
-from tripwatt.server.cars import car as module
+from tripwatt.server.cars.car_file import Database
 from tripwatt.server.cars.live_trip import STANDING_S
 from tripwatt.study.synthetic import synthetic_fleet
 
@@ -90,7 +90,7 @@ def test_a_process_that_is_killed_while_it_learns_counts_no_trip_twice(
         raise KeyboardInterrupt
 
     with monkeypatch.context() as patched:
-        patched.setattr(module, "put_settings", stop)  # the last statement of the transaction
+        patched.setattr(Database, "put_settings", stop)  # the last statement of the transaction
         with pytest.raises(KeyboardInterrupt):
             open_car(folder).learn()
     own = open_car(folder)

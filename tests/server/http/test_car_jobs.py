@@ -26,9 +26,9 @@ from tripwatt.trips import TripSet
 
 def test_without_a_folder_there_are_no_cars() -> None:
     jobs = CarJobs()
-    assert jobs.names() == []
+    assert jobs.folders() == []
     assert jobs.model("any") is None
-    assert jobs.list() == {"cars": None}
+    assert jobs.list() == {"cars": None, "damaged": {}}
     with pytest.raises(Problem) as caught:
         jobs.show("any")
     assert caught.value.kind == "no-live"

@@ -35,11 +35,11 @@ from tripwatt.server.cars import (
     MqttSettings,
     Sample,
     create_car,
-    has_token,
     issue_token,
-    live_car,
     sample_from_abrp,
 )
+from tripwatt.server.cars.car_file import Database
+from tripwatt.server.cars.folder import setting_of
 from tripwatt.server.cars.live_trip import SILENCE_S
 from tripwatt.server.http import live as module
 from tripwatt.server.http import service as room
@@ -320,7 +320,8 @@ def test_a_car_without_a_description_is_flagged_until_it_has_one(served: Served,
     )
     assert flag["code"] in codes_of(served("/v1/range", params={"car": "leaf"}).json())
     made = create_car(tmp_path / "leaf", "hyundai_ioniq_5_lr_rwd")  # the folder has `live` and a token
-    assert (made.vehicle.name, has_token(made.folder)) == ("hyundai_ioniq_5_lr_rwd", True)
+    assert made.vehicle.name == "hyundai_ioniq_5_lr_rwd"
+    assert setting_of(made.folder, "token")
     assert served("/v1/live/leaf").json()["flags"] == []
     assert flag["code"] not in codes_of(served("/v1/range", params={"car": "leaf"}).json())
     shown = served("/v1/forecast", "POST", json={"links": LINKS, "car": "leaf"}).json()
@@ -513,7 +514,7 @@ def test_a_message_that_cannot_be_stored_is_to_be_sent_again(
         raise sqlite3.OperationalError("database or disk is full")
 
     with monkeypatch.context() as patch:
-        patch.setattr(live_car, "put_messages", full)
+        patch.setattr(Database, "put_messages", full)
         found = served.send(message(0.0))
     assert (found.status_code, found.headers["retry-after"]) == (503, "10")
     (logged,) = (record for record in served.logged if "event" in record)
@@ -841,7 +842,7 @@ def test_messages_of_forgotten_cars_and_a_full_disk_are_passed_over(
     def full(*_: object) -> None:
         raise sqlite3.OperationalError("database or disk is full")
 
-    monkeypatch.setattr(live_car, "put_messages", full)
+    monkeypatch.setattr(Database, "put_messages", full)
     published.take(Sample(NOON_S + 2.0, {"speed_m_s": 0.0}))
     assert [record["event"] for record in published.logged] == ["message not stored"]
 

@@ -16,17 +16,11 @@ from typing import Any, Final, Self, cast
 
 import numpy as np
 
-from tripwatt.errors import Fault, InvalidInput, raise_faults, system_errors
+from tripwatt.errors import Fault, InvalidInput, damage, raise_faults, system_errors
 from tripwatt.forecasting import Forecast, ForecastModel
 from tripwatt.forecasting.storage import vehicle_of_values
 from tripwatt.modelfile import FORMAT_VERSION, METADATA
-from tripwatt.server.cars.car_file import (
-    MadeForecast,
-    put_forecasts,
-    put_logs,
-    put_settings,
-    row_of_log,
-)
+from tripwatt.server.cars.car_file import ALLOWED, FORGET, MadeForecast, row_of_log
 from tripwatt.server.cars.diary import Diary
 from tripwatt.server.cars.documents import HIGH, LOW, LiveForecastDocument, LiveResponse, live_forecast
 from tripwatt.server.cars.learning import Learned, Learner, Lesson, Progress, model_of_parts
@@ -170,12 +164,6 @@ class Car(LiveCar):
         return self.reserve if asked is None else asked
 
     @property
-    def base(self) -> Path | None:
-        """Folder of the model that is adapted to the trips; None for the bundled model."""
-        base = self.file.setting("base")
-        return None if base is None else Path(base)
-
-    @property
     def label(self) -> str:
         """The owner's name for the car; by default the name of its folder."""
         return f"{self.file.setting('label') or self.name}"
@@ -184,8 +172,8 @@ class Car(LiveCar):
     def diary(self) -> Diary:
         """The diary of the car: its trips, each with the forecast made before it was learned."""
         with self.file.read() as db:
-            rows = db.execute("SELECT entry FROM diary ORDER BY rowid").fetchall()
-        return Diary.from_entries(json.loads(entry) for (entry,) in rows)
+            rows = db.execute("SELECT entry FROM diary ORDER BY rowid")
+            return Diary.from_entries(json.loads(entry) for (entry,) in rows)
 
     @property
     def left_out(self) -> dict[str, str]:
@@ -246,7 +234,7 @@ class Car(LiveCar):
         rows = [row_of_log(log) for log in raw_logs]
         with system_errors("cannot write the car", f"{self.folder}", "a writable folder with space"):
             with self.file.write() as db:
-                added = put_logs(db, rows)
+                added = db.put_logs(rows)
                 stored = {digest for (digest,) in db.execute("SELECT digest FROM trips")}
             why = "another log of this name was added before"
             refused = {f"{name}": why for name, digest, *_ in rows if digest not in stored}
@@ -293,7 +281,10 @@ class Car(LiveCar):
             parts = dict(db.execute("SELECT part, content FROM model"))
         is_current = bool(parts) and json.loads(parts[METADATA])["format_version"] == FORMAT_VERSION
         stored = model_of_parts(parts) if is_current else None
-        return Learner(self.vehicle, self.base, TripSet(self.name, self.logs()), self.diary.trip_ids, stored)
+        base = self.file.setting("base")
+        return Learner(
+            self.vehicle, base and Path(base), TripSet(self.name, self.logs()), self.diary.trip_ids, stored
+        )
 
     def _learn(
         self, names: Iterable[str], counts: Learned, refused: Mapping[str, str], progress: Progress | None
@@ -323,10 +314,10 @@ class Car(LiveCar):
                 db.executemany("INSERT INTO diary VALUES (?, ?)", rows)
                 db.execute("DELETE FROM model")
                 db.executemany("INSERT INTO model VALUES (?, ?)", lesson.model.items())
-                put_settings(db, {"state": secrets.token_hex(8)})
+                db.put_settings({"state": secrets.token_hex(8)})
             if lesson.left_out:
                 left_out = [*{**self.left_out, **lesson.left_out}.items()]
-                put_settings(db, {"left_out": dict(left_out[-MAX_LEFT_OUT:])})
+                db.put_settings({"left_out": dict(left_out[-MAX_LEFT_OUT:])})
         self.file.checkpoint()
         return True
 
@@ -343,35 +334,36 @@ class Car(LiveCar):
         dict
             Plain values.
         """
-        diary = self.diary if diary is None else diary
-        latest, by_book = diary.latest()
-        with self.file.read() as db:
-            (trips,) = db.execute("SELECT count(*) FROM trips").fetchone()
-            part = db.execute("SELECT content FROM model WHERE part = ?", (METADATA,)).fetchone()
-        metadata = {} if part is None else json.loads(part[0])
-        is_current = metadata.get("format_version") == FORMAT_VERSION
-        adapted = metadata["provenance"]["adapted"] if is_current else {}
-        return {
-            "car": self.name,
-            "label": self.label,
-            "folder": f"{self.folder}",
-            "vehicle": self.vehicle.name,
-            "title": self.vehicle.title,
-            "trips": trips,
-            "in_diary": len(diary),
-            "left_out": self.left_out,
-            "learned": {
-                name: {**value, "seen_degc": diary.seen_degc(name)}
-                for name, value in adapted.get("parameters", {}).items()
-            },
-            "experts": adapted.get("experts", {}),
-            "score": diary.score.to_dict(),
-            "latest": latest.to_dict(),
-            "latest_by_book": by_book.to_dict(),
-            "by_temperature": {name: score.to_dict() for name, score in diary.by_temperature().items()},
-            "by_season": diary.by_season(),
-            "by_cause_wh": diary.by_cause_wh(),
-        }
+        with damage(self.file.path, ALLOWED, FORGET):
+            diary = self.diary if diary is None else diary
+            latest, by_book = diary.latest()
+            with self.file.read() as db:
+                (trips,) = db.execute("SELECT count(*) FROM trips").fetchone()
+                part = db.execute("SELECT content FROM model WHERE part = ?", (METADATA,)).fetchone()
+            metadata = {} if part is None else json.loads(part[0])
+            is_current = metadata.get("format_version") == FORMAT_VERSION
+            adapted = metadata["provenance"]["adapted"] if is_current else {}
+            return {
+                "car": self.name,
+                "label": self.label,
+                "folder": f"{self.folder}",
+                "vehicle": self.vehicle.name,
+                "title": self.vehicle.title,
+                "trips": trips,
+                "in_diary": len(diary),
+                "left_out": self.left_out,
+                "learned": {
+                    name: {**value, "seen_degc": diary.seen_degc(name)}
+                    for name, value in adapted.get("parameters", {}).items()
+                },
+                "experts": adapted.get("experts", {}),
+                "score": diary.score.to_dict(),
+                "latest": latest.to_dict(),
+                "latest_by_book": by_book.to_dict(),
+                "by_temperature": {name: score.to_dict() for name, score in diary.by_temperature().items()},
+                "by_season": diary.by_season(),
+                "by_cause_wh": diary.by_cause_wh(),
+            }
 
     def at_departure(self) -> Forecast | None:
         """Forecast the trip at its departure. Values of the departure that the plan leaves out come from the samples.
@@ -580,7 +572,7 @@ class Car(LiveCar):
         if not self._is_forecast_due(at_s) or not all(map(math.isfinite, astuple(made))):
             return False
         with self.file.write() as db:
-            put_forecasts(db, trip.start_s, [made])
+            db.put_forecasts(trip.start_s, [made])
         return True
 
     def __repr__(self) -> str:

@@ -10,7 +10,7 @@ import errno
 import json
 import sqlite3
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from contextlib import closing, contextmanager, nullcontext, suppress
+from contextlib import AbstractContextManager, closing, contextmanager, nullcontext, suppress
 from dataclasses import astuple, dataclass
 from io import BytesIO
 from pathlib import Path
@@ -19,12 +19,16 @@ from urllib.parse import quote
 
 import numpy as np
 
-from tripwatt.errors import InvalidInput
+from tripwatt.errors import InvalidInput, damage
 from tripwatt.fleet.store.rows import context_values, digest_of, kept_columns, log_from_rows
 from tripwatt.server.cars.telemetry import Sample
 from tripwatt.trips import Log, Recorded
 
 FILE: Final = "car.sqlite"
+ALLOWED: Final = "a file of tripwatt, on a disk with space"
+FORGET: Final = "erase it: tripwatt car forget"
+"""What to do with a car that cannot be read."""
+
 FORMAT: Final = 1
 """Number of the format, the `user_version` of the file."""
 
@@ -68,6 +72,43 @@ class MadeForecast:
     high_wh: float
 
 
+class Database(sqlite3.Connection):
+    """A connection to the file of a car."""
+
+    def put_settings(self, settings: Mapping[str, Any]) -> None:
+        """Write settings; remove those whose value is None."""
+        self.executemany("DELETE FROM settings WHERE name = ?", [(name,) for name in settings])
+        rows = [(name, json.dumps(value)) for name, value in settings.items() if value is not None]
+        self.executemany("INSERT INTO settings VALUES (?, ?)", rows)
+
+    def put_logs(
+        self,
+        rows: Iterable[tuple[object, ...]],
+        *,
+        start_s: float | None = None,
+        is_learned: bool = False,
+    ) -> int:
+        """Add rows of `row_of_log`, except logs whose name or content is stored already; return the number of added rows."""
+        changes_before = self.total_changes
+        statement = "INSERT OR IGNORE INTO trips VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?)"
+        self.executemany(statement, [(*row, start_s, is_learned) for row in rows])
+        return self.total_changes - changes_before
+
+    def put_forecasts(self, start_s: float, forecasts: Iterable[MadeForecast]) -> None:
+        """Add forecasts of the trip that started at `start_s` [s since 1970]."""
+        rows = [(start_s, *astuple(forecast)) for forecast in forecasts]
+        self.executemany("INSERT INTO forecasts VALUES (?, ?, ?, ?, ?, ?)", rows)
+
+    def put_messages(self, samples: Iterable[Sample]) -> None:
+        """Append samples to those that are stored."""
+        self.executemany("INSERT INTO messages VALUES (?)", [(text_of(sample),) for sample in samples])
+
+    @property
+    def is_finished(self) -> bool:
+        """Whether the file has its tables: a process that was killed may leave a file without."""
+        return bool(self.execute("PRAGMA user_version").fetchone() != (0,))
+
+
 class CarFile:
     """The file of the car in a folder.
 
@@ -79,10 +120,10 @@ class CarFile:
 
     def __init__(self, folder: Path) -> None:
         self.path = folder / FILE
-        self._kept: sqlite3.Connection | None = None
+        self._kept: Database | None = None
 
-    def prepare(self, fill: Callable[[sqlite3.Connection], None]) -> None:
-        """Create the tables of a new file and fill them, in one transaction; a file that has tables stays as it is.
+    def prepare(self, fill: Callable[[Database], None], settings: Mapping[str, Any] | None = None) -> None:
+        """Create the tables of a new file and fill them, or leave those that it has, and write settings, all in one transaction.
 
         Raises
         ------
@@ -98,13 +139,14 @@ class CarFile:
         if number > FORMAT:
             got, allowed, fix = f"format {number}", f"format {FORMAT}", "install a newer tripwatt"
             raise InvalidInput.of("car of a newer format", f"{self.path.parent}", got, allowed, fix)
-        if number == 0:
+        if number == 0 or settings:
             with self.write() as db:
-                if db.execute("PRAGMA user_version").fetchone() == (0,):  # no other process was faster
+                if not db.is_finished:  # no other process was faster
                     for statement in SCHEMA:
                         db.execute(statement)
                     fill(db)
                     db.execute(f"PRAGMA user_version = {FORMAT}")
+                db.put_settings(settings or {})
 
     def keep_open(self) -> None:
         """Use one connection from now on, in one thread at a time, until `close`."""
@@ -116,26 +158,28 @@ class CarFile:
             self._kept.close()
             self._kept = None
 
+    def _opened(self) -> AbstractContextManager[Database]:
+        return closing(_connect(self.path)) if self._kept is None else nullcontext(self._kept)
+
     @contextmanager
-    def read(self) -> Iterator[sqlite3.Connection]:
+    def read(self) -> Iterator[Database]:
         """Open a connection for reading.
 
         Raises
         ------
         InvalidInput
-            When the file cannot be read.
+            When the file cannot be read, or the block finds a value that is not one of ours.
         """
         try:
-            with closing(_connect(self.path)) if self._kept is None else nullcontext(self._kept) as db:
+            with damage(self.path, ALLOWED, FORGET), self._opened() as db:
                 yield db
         except sqlite3.Error as error:
             # a full disk or a missing permission is no damage
             problem = "cannot use the car" if isinstance(error, sqlite3.OperationalError) else "damaged file"
-            got, allowed = f"{error}"[:200], "a file of tripwatt, on a disk with space"
-            raise InvalidInput.of(problem, f"{self.path}", got, allowed) from error
+            raise InvalidInput.of(problem, f"{self.path}", f"{error}"[:200], ALLOWED) from error
 
     @contextmanager
-    def write(self) -> Iterator[sqlite3.Connection]:
+    def write(self) -> Iterator[Database]:
         """Open a transaction: either all of its changes are written, or none.
 
         Raises
@@ -144,8 +188,10 @@ class CarFile:
             When the file cannot be written.
         """
         try:
-            with closing(_connect(self.path)) if self._kept is None else nullcontext(self._kept) as db, db:
+            with self._opened() as db, db:
                 db.execute("BEGIN IMMEDIATE")
+                if not self.path.exists():
+                    raise sqlite3.OperationalError("the car was erased")
                 yield db
         except sqlite3.Error as error:
             raise OSError(errno.EIO, f"cannot write the car: {error}", f"{self.path}") from error
@@ -155,16 +201,19 @@ class CarFile:
         with suppress(InvalidInput), self.read() as db:
             db.execute("PRAGMA wal_checkpoint(TRUNCATE)").fetchall()
 
-    def setting(self, name: str, transaction: sqlite3.Connection | None = None) -> Any:
-        """Return a setting, as in a transaction if one is given; None if it is missing, or the file has no tables.
+    @property
+    def is_finished(self) -> bool:
+        """Whether the file has its tables: a process that was killed may leave a file without."""
+        with self.read() as db:
+            return db.is_finished
 
-        A process that was killed may leave a file without tables.
-        """
+    def setting(self, name: str, transaction: Database | None = None) -> Any:
+        """Return a setting, as in a transaction if one is given; None if it is missing, or the file has no tables."""
         with self.read() if transaction is None else nullcontext(transaction) as db:
-            if db.execute("PRAGMA user_version").fetchone() == (0,):
+            if not db.is_finished:
                 return None
             row = db.execute("SELECT value FROM settings WHERE name = ?", (name,)).fetchone()
-        return None if row is None else json.loads(row[0])
+            return None if row is None else json.loads(row[0])
 
     def logs(self, where: str = "TRUE", *values: object) -> tuple[Log, ...]:
         """Return the trips that meet an SQL condition, by departure; those without a departure come last. O(samples)."""
@@ -194,27 +243,6 @@ class CarFile:
             return [sample_of_text(text) for (text,) in rows]
 
 
-def put_settings(db: sqlite3.Connection, settings: Mapping[str, Any]) -> None:
-    """Write settings; remove those whose value is None."""
-    db.executemany("DELETE FROM settings WHERE name = ?", [(name,) for name in settings])
-    rows = [(name, json.dumps(value)) for name, value in settings.items() if value is not None]
-    db.executemany("INSERT INTO settings VALUES (?, ?)", rows)
-
-
-def put_logs(
-    db: sqlite3.Connection,
-    rows: Iterable[tuple[object, ...]],
-    *,
-    start_s: float | None = None,
-    is_learned: bool = False,
-) -> int:
-    """Add rows of `row_of_log`, except logs whose name or content is stored already; return the number of added rows."""
-    changes_before = db.total_changes
-    statement = "INSERT OR IGNORE INTO trips VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?)"
-    db.executemany(statement, [(*row, start_s, is_learned) for row in rows])
-    return db.total_changes - changes_before
-
-
 def row_of_log(log: Recorded) -> tuple[object, ...]:
     """Return a log as a row of the table `trips`, without its last two columns. O(samples)."""
     samples, started, names = BytesIO(), log.context.started_at, kept_columns(log)
@@ -228,17 +256,6 @@ def row_of_log(log: Recorded) -> tuple[object, ...]:
         json.dumps(names),
         samples.getvalue(),
     )
-
-
-def put_forecasts(db: sqlite3.Connection, start_s: float, forecasts: Iterable[MadeForecast]) -> None:
-    """Add forecasts of the trip that started at `start_s` [s since 1970]."""
-    rows = [(start_s, *astuple(forecast)) for forecast in forecasts]
-    db.executemany("INSERT INTO forecasts VALUES (?, ?, ?, ?, ?, ?)", rows)
-
-
-def put_messages(db: sqlite3.Connection, samples: Iterable[Sample]) -> None:
-    """Append samples to those that are stored."""
-    db.executemany("INSERT INTO messages VALUES (?)", [(text_of(sample),) for sample in samples])
 
 
 def text_of(sample: Sample) -> str:
@@ -274,10 +291,11 @@ def _log(row: Mapping[str, Any]) -> Log:
         return log_from_rows(row, dict(arrays))
 
 
-def _connect(path: Path) -> sqlite3.Connection:
-    db = sqlite3.connect(
+def _connect(path: Path) -> Database:
+    db: Database = sqlite3.connect(
         f"file:{quote(f'{path}')}?mode=rw",
         uri=True,
+        factory=Database,
         timeout=BUSY_S,
         isolation_level=None,
         check_same_thread=False,

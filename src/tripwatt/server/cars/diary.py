@@ -108,9 +108,6 @@ class Score:
         """
         names = ("energy_wh", *(f"{prefix}{name}" for name in FORECAST))
         measured, forecast, low, high = (table[name].to_numpy(dtype=np.float64) for name in names)
-        if not len(measured):
-            nan = math.nan
-            return cls(0, nan, nan, nan, nan, nan, 0, nan)
         covered = Coverage.from_bounds(measured, low, high, LEVEL)
         total, consumed = float(np.abs(measured).sum()) or math.nan, measured > 0.0
         error, width = forecast - measured, float((high - low).sum() / total)

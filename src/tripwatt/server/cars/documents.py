@@ -7,15 +7,9 @@ from __future__ import annotations
 
 import math
 from dataclasses import asdict
-from typing import (
-    Any,
-    Final,
-    Literal,
-    NotRequired,  # Python 3.11 has one that pydantic cannot read
-    cast,
-)
+from typing import Any, Final, Literal, NotRequired, cast
 
-from typing_extensions import TypedDict
+from typing_extensions import TypedDict  # pydantic cannot read that of Python 3.11
 
 from tripwatt.errors import InvalidInput
 from tripwatt.forecasting import Forecast

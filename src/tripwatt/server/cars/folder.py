@@ -5,19 +5,22 @@ from __future__ import annotations
 import hashlib
 import re
 import secrets
-import shutil
 import unicodedata
+from contextlib import ExitStack
+from functools import partial
+from glob import escape
+from itertools import chain
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 from tripwatt.errors import InvalidInput, system_errors
-from tripwatt.files import folder_lock
+from tripwatt.files import WRITING, folder_lock
 from tripwatt.forecasting.storage import vehicle_values
 from tripwatt.population.cars import for_car
 from tripwatt.server.cars import older
 from tripwatt.server.cars.car import Car
-from tripwatt.server.cars.car_file import FILE, CarFile, put_settings
-from tripwatt.server.cars.live_car import VALID_NAME, make_car_folder
+from tripwatt.server.cars.car_file import FILE, FORGET, CarFile
+from tripwatt.server.cars.live_car import CLOSE, VALID_NAME, make_car_folder
 from tripwatt.vehicles import Vehicle, load_vehicle
 
 UPLOADS: Final = "uploads"
@@ -80,10 +83,10 @@ def create_car(
     for_car(root, car)
     with system_errors("cannot write the folder", f"{path}", "a writable folder"):
         path.mkdir(mode=0o700, parents=True, exist_ok=True)
-        new_car = Car(path)
         settings = {"vehicle": vehicle_values(car), "base": None if root is None else f"{root}"}
-        with new_car.file.write() as db:
-            put_settings(db, {**settings, "label": label or wanted.name, "state": secrets.token_hex(8)})
+        settings |= {"label": label or wanted.name, "state": secrets.token_hex(8)}
+        CarFile(path).prepare(partial(older.read_into, path), settings)
+        new_car = Car(path)
         new_car.file.checkpoint()
     return new_car
 
@@ -106,13 +109,7 @@ def is_car(folder: Path | str) -> bool:
     >>> is_car("no-such-folder")
     False
     """
-    return learned_state(folder) is not None
-
-
-def learned_state(folder: Path | str) -> str | None:
-    """Return `Car.learned_state` of the car in a folder; None if there is no car with a description."""
-    state = _setting(Path(folder), "state")
-    return None if state is None else f"{state}"
+    return setting_of(folder, "state") is not None
 
 
 def open_car(folder: Path | str) -> Car:
@@ -143,18 +140,27 @@ def open_car(folder: Path | str) -> Car:
     if not is_car(path):
         got = "a folder" if path.is_dir() else "a file" if path.exists() else "no such folder"
         fix = "make one: tripwatt car new"
+        if holds_car(path) and not CarFile(path).is_finished:
+            got, fix = "a car that was not finished", FORGET
         raise InvalidInput.of("not a car", f"{path}", got, "a folder of `tripwatt car new`", fix)
     return Car(path)
 
 
+def holds_car(folder: Path) -> bool:
+    """Return whether a folder is that of a car: sound, damaged, not finished, or without a description."""
+    return (folder / FILE).is_file() or older.is_older_folder(folder)
+
+
 def _car_folder(folder: Path) -> Path:
     """Return the folder of a car, given with its name or its label as last part."""
-    usual = folder.name == "" or VALID_NAME.fullmatch(folder.name) is not None or is_car(folder)
+    usual = folder.name == "" or VALID_NAME.fullmatch(folder.name) is not None or holds_car(folder)
     return folder if usual else folder.with_name(folder_name(folder.name))
 
 
 def forget_car(folder: Path | str) -> None:
-    """Erase a car: its trips, model, diary, samples and uploads. Other files in the folder stay.
+    """Erase a car, also a damaged one: its trips, model, diary, samples and uploads. Other files in the folder stay.
+
+    The name is erased last, so that a call that was killed or that failed can be repeated.
 
     Parameters
     ----------
@@ -164,7 +170,7 @@ def forget_car(folder: Path | str) -> None:
     Raises
     ------
     InvalidInput
-        When the folder is not that of a car, or another process follows the car.
+        When the folder is not that of a car, another process follows the car, or a part of it cannot be removed.
 
     Examples
     --------
@@ -176,36 +182,19 @@ def forget_car(folder: Path | str) -> None:
     False
     """
     path = _car_folder(Path(folder))
-    if not (path / FILE).is_file() and not (path / older.LIVE).is_dir():
-        path = open_car(folder).folder
-    with folder_lock(path):
-        older.remove_older_files(path)
-        shutil.rmtree(path / UPLOADS, ignore_errors=True)
-        for suffix in ("-wal", "-shm", ""):  # a car is there until the last of them is gone
-            (path / f"{FILE}{suffix}").unlink(missing_ok=True)
+    if not holds_car(path):
+        path = open_car(folder).folder  # not a car
+    with ExitStack() as locks:
+        for place in filter(Path.is_dir, (path, path / older.LIVE)):  # older versions lock the latter
+            locks.enter_context(folder_lock(place, CLOSE))
+        killed = (path.parent.glob(f".{escape(path.name)}.*{WRITING}"), path.glob(f".*{WRITING}"))
+        files = [path / f"{FILE}{suffix}" for suffix in ("-wal", "-shm", "")]
+        for part in (*chain(*killed), path / UPLOADS, *older.older_parts(path), *files):
+            allowed = "files that can be removed; then erase it again"
+            with system_errors("cannot erase the car", f"{part}", allowed):
+                older.remove(part)
         if not any(path.iterdir()):
             path.rmdir()
-
-
-def has_token(folder: Path | str) -> bool:
-    """Return whether a folder is that of a car with a token.
-
-    Parameters
-    ----------
-    folder : Path or str
-        Folder of a car.
-
-    Returns
-    -------
-    bool
-        False also if there is no car.
-
-    Examples
-    --------
-    >>> has_token("no-such-folder")
-    False
-    """
-    return token_digest(folder) is not None
 
 
 def issue_token(folder: Path | str) -> str:
@@ -233,17 +222,14 @@ def issue_token(folder: Path | str) -> str:
     >>> import tempfile
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     token = issue_token(Path(folder, "my-leaf"))
-    ...     print(len(token), token_digest(Path(folder, "my-leaf")) == digest_of(token))
+    ...     print(len(token), setting_of(Path(folder, "my-leaf"), "token") == digest_of(token))
     32 True
     """
     token, path = secrets.token_urlsafe(24), Path(folder).absolute()
     make_car_folder(path)
     car = Car(path)
-    with (
-        system_errors("cannot write the folder", f"{path}", "a writable folder"),
-        car.file.write() as db,
-    ):
-        put_settings(db, {"token": digest_of(token)})
+    with system_errors("cannot write the folder", f"{path}", "a writable folder"), car.file.write() as db:
+        db.put_settings({"token": digest_of(token), "token_of": path.name})
     return token
 
 
@@ -252,21 +238,25 @@ def digest_of(token: str) -> str:
     return hashlib.sha256(token.encode("utf-8", "replace")).hexdigest()
 
 
-def token_digest(folder: Path | str) -> str | None:
-    """Return the digest of a car's token; None if there is no car or it has no token.
+def setting_of(folder: Path | str, name: str) -> Any:
+    """Return a setting of the car in a folder, such as `state`, which changes when it learns, or `token`, the digest of its token.
+
+    Returns
+    -------
+    object
+        None if there is no car or no such setting.
 
     Raises
     ------
     InvalidInput
         When the file is damaged.
+
+    Examples
+    --------
+    >>> setting_of("no-such-folder", "token") is None
+    True
     """
-    digest = _setting(Path(folder), "token")
-    return None if digest is None else f"{digest}"
-
-
-def _setting(folder: Path, name: str) -> object:
-    """Return a setting of the car in a folder; None if there is no car or no such setting."""
-    if older.is_older_folder(folder):
+    if older.is_older_folder(Path(folder)):
         Car(folder)
-    file = CarFile(folder)
+    file = CarFile(Path(folder))
     return file.setting(name) if file.path.is_file() else None

@@ -8,9 +8,8 @@ from __future__ import annotations
 import datetime as dt
 import math
 import re
-import sqlite3
 from collections.abc import Callable, Mapping
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -19,14 +18,7 @@ from typing import Any, Final, Self
 from tripwatt.errors import InvalidInput, or_none, system_errors
 from tripwatt.files import folder_lock
 from tripwatt.server.cars import older
-from tripwatt.server.cars.car_file import (
-    CarFile,
-    MadeForecast,
-    put_logs,
-    put_messages,
-    put_settings,
-    row_of_log,
-)
+from tripwatt.server.cars.car_file import CarFile, Database, MadeForecast, row_of_log
 from tripwatt.server.cars.live_trip import MIN_M, SILENCE_S, LiveTrip
 from tripwatt.server.cars.plan import LONGER, LivePlan, usual_departure
 from tripwatt.server.cars.recording import Recorder
@@ -49,6 +41,9 @@ EVERY_S: Final = 120.0
 
 MAX_FORECASTS: Final = 400
 """Most stored forecasts of a trip: enough for 13 h, longer than the longest trip."""
+
+CLOSE: Final = "end the service, or use its page"
+"""What to do when a service follows a car that another process is to follow or erase."""
 
 VALID_NAME: Final = re.compile(r"[A-Za-z0-9_][A-Za-z0-9._-]{0,63}")
 """Valid names of car folders, which become parts of paths and URLs."""
@@ -82,7 +77,9 @@ class LiveCar(Recorder):
         self.file = CarFile(self.folder)
         with system_errors("cannot write the folder", f"{self.folder}", "a writable folder"):
             self.file.prepare(partial(older.read_into, self.folder))
-        older.remove_older_files(self.folder)
+        with suppress(OSError):  # the next opening goes on; the description is removed last
+            for part in older.older_parts(self.folder):
+                older.remove(part)
         super().__init__(self.folder.name)
         self.keep_days = math.inf
         self.now_s = steady_clock()
@@ -96,12 +93,14 @@ class LiveCar(Recorder):
     def _resume(self) -> None:
         """Lock the folder, and take the stored samples again that belong to no finished trip."""
         with ExitStack() as stack:
-            stack.enter_context(folder_lock(self.folder))
+            stack.enter_context(folder_lock(self.folder, CLOSE))
             self.file.keep_open()
             stack.callback(self.file.close)
             self._restore(self.file.setting("live") or {})
-            plan = self.file.setting("plan")
-            self.plan = None if plan is None else LivePlan.from_dict(plan)
+            with suppress(
+                InvalidInput, KeyError, TypeError, ValueError
+            ):  # without a plan, or one that is damaged
+                self.plan = LivePlan.from_dict(self.file.setting("plan"))
             for sample in self.file.messages():
                 self._process(sample, self._judge_arrival(sample))
                 self._messages += 1
@@ -144,7 +143,7 @@ class LiveCar(Recorder):
         arrival = self._judge_arrival(sample)
         if arrival in ("new", "held"):
             with self.file.write() as db:
-                put_messages(db, [sample])
+                db.put_messages([sample])
             self._messages += 1
         self._process(sample, arrival)
         self.received_s = now_s
@@ -216,12 +215,12 @@ class LiveCar(Recorder):
             if plan is not None and any(
                 plan.given_s is None or plan.given_s <= trip.moved_s for trip in stored
             ):
-                put_settings(db, {"plan": None})
+                db.put_settings({"plan": None})
                 plan = None
             if shorten:
                 db.execute("DELETE FROM messages")
-                put_messages(db, needed)
-                put_settings(db, {"live": self._state_before_samples()})
+                db.put_messages(needed)
+                db.put_settings({"live": self._state_before_samples()})
         self.ended.clear()
         self._plans += plan is not self.plan
         self.plan = plan
@@ -230,7 +229,7 @@ class LiveCar(Recorder):
             self.file.checkpoint()
             self.finished()
 
-    def _store_trip(self, db: sqlite3.Connection, trip: LiveTrip) -> bool:
+    def _store_trip(self, db: Database, trip: LiveTrip) -> bool:
         """Write an ended trip as a log and return True; if it is too short, delete its forecasts and return False."""
         table = trip.table(until_s=trip.moved_s)
         started = dt.datetime.fromtimestamp(int(trip.start_s), dt.UTC)
@@ -241,7 +240,7 @@ class LiveCar(Recorder):
         if log is None:
             db.execute("DELETE FROM forecasts WHERE start_s = ?", (trip.start_s,))
             return False
-        put_logs(db, [row_of_log(log)], start_s=trip.start_s)
+        db.put_logs([row_of_log(log)], start_s=trip.start_s)
         return True
 
     def erase_old(self, now_s: float) -> int:
@@ -280,7 +279,7 @@ class LiveCar(Recorder):
             db.execute("UPDATE trips SET start_s = NULL WHERE start_s < ?", (before_s,))
             if is_silent:
                 db.execute("DELETE FROM messages")
-                put_settings(db, {"live": self._state_without_charge()})
+                db.put_settings({"live": self._state_without_charge()})
                 self._messages = 0
         self.file.checkpoint()
         self._usual = None
@@ -353,7 +352,7 @@ class LiveCar(Recorder):
         given_s = self._ordered.newest_s if self._ordered.newest_s > 0.0 else None
         plan = None if request is None else LivePlan(request, departure_s, given_s)
         with self.file.write() as db:
-            put_settings(db, {"plan": None if plan is None else plan.to_dict()})
+            db.put_settings({"plan": None if plan is None else plan.to_dict()})
         self.plan, self._plans = plan, self._plans + 1
 
     def forecasts_of(self, trip_id: str) -> tuple[MadeForecast, ...]:
@@ -388,6 +387,19 @@ class LiveCar(Recorder):
         self.close()
 
 
+def require_valid_name(folder: Path) -> None:
+    """Check the name of the folder of a car.
+
+    Raises
+    ------
+    InvalidInput
+        When the folder's name is not a valid car name.
+    """
+    if VALID_NAME.fullmatch(folder.name) is None:
+        allowed = "up to 64 letters, digits, '.', '_' and '-'"
+        raise InvalidInput.of("name cannot be used", f"{folder}", folder.name, allowed)
+
+
 def make_car_folder(folder: Path) -> None:
     """Create the folder of a car if it is missing.
 
@@ -396,8 +408,6 @@ def make_car_folder(folder: Path) -> None:
     InvalidInput
         When the folder's name is not a valid car name, or the folder cannot be created.
     """
-    if VALID_NAME.fullmatch(folder.name) is None:
-        allowed = "up to 64 letters, digits, '.', '_' and '-'"
-        raise InvalidInput.of("name cannot be used", f"{folder}", folder.name, allowed)
+    require_valid_name(folder)
     with system_errors("cannot write the folder", f"{folder}", "a writable folder"):
         folder.mkdir(mode=0o700, parents=True, exist_ok=True)

@@ -12,7 +12,6 @@ import json
 import math
 import secrets
 import shutil
-import sqlite3
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -21,18 +20,10 @@ from typing import Any, Final
 import pandas as pd
 
 from tripwatt.errors import InvalidInput, damage
-from tripwatt.files import folder_lock, read_file, read_text_file, restore_folder
+from tripwatt.files import WRITING, folder_lock, read_file, read_text_file, restore_folder
 from tripwatt.fleet.store import open_store
 from tripwatt.forecasting.storage import vehicle_values
-from tripwatt.server.cars.car_file import (
-    MadeForecast,
-    put_forecasts,
-    put_logs,
-    put_messages,
-    put_settings,
-    row_of_log,
-    sample_of_text,
-)
+from tripwatt.server.cars.car_file import Database, MadeForecast, row_of_log, sample_of_text
 from tripwatt.server.cars.plan import LivePlan
 from tripwatt.server.cars.telemetry import CHARGES, Sample, number_of
 from tripwatt.sources.canonical import read_canonical
@@ -67,7 +58,7 @@ UNREADABLE: Final = (
 )
 
 
-def read_into(folder: Path, db: sqlite3.Connection) -> None:
+def read_into(folder: Path, db: Database) -> None:
     """Read the folder of an older version into the new file of its car. O(bytes).
 
     Raises
@@ -85,15 +76,19 @@ def read_into(folder: Path, db: sqlite3.Connection) -> None:
             _read_trips(folder.name, live, db)
 
 
-def remove_older_files(folder: Path) -> None:
-    """Remove the files of an older version from its folder; any other folder stays as it is."""
+def older_parts(folder: Path) -> list[Path]:
+    """Return the files and folders of an older version in its folder, the description last; none in any other folder."""
     if not is_older_folder(folder):
-        return
-    for path in (*folder.glob(".learned.*.writing"), *(folder / name for name in NAMES)):
-        if path.is_dir():
-            shutil.rmtree(path, ignore_errors=True)
-        else:
-            path.unlink(missing_ok=True)
+        return []
+    return [*folder.glob(f".*{WRITING}"), *(folder / name for name in NAMES)]
+
+
+def remove(part: Path) -> None:
+    """Remove a file, a folder or a link; a missing one stays missing."""
+    if part.is_dir() and not part.is_symlink():
+        shutil.rmtree(part)
+    else:
+        part.unlink(missing_ok=True)
 
 
 def is_older_folder(folder: Path) -> bool:
@@ -101,7 +96,7 @@ def is_older_folder(folder: Path) -> bool:
     return (folder / ABOUT).is_file() or (folder / LIVE).is_dir()
 
 
-def _read_description(folder: Path, db: sqlite3.Connection) -> None:
+def _read_description(folder: Path, db: Database) -> None:
     with damage(folder / ABOUT, "the description of a car"):
         description = json.loads(read_text_file(folder / ABOUT, MAX_TEXT_BYTES))
         car = replace(load_vehicle(folder / "car.toml"), name=f"{description['vehicle']}")
@@ -111,8 +106,8 @@ def _read_description(folder: Path, db: sqlite3.Connection) -> None:
     if left_out.is_file():
         with damage(left_out, "reasons by trip"):
             settings["left_out"] = dict(json.loads(read_text_file(left_out, MAX_TEXT_BYTES)))
-    put_settings(db, {**settings, "state": secrets.token_hex(8)})
-    put_logs(db, map(row_of_log, open_store(folder / "trips").logs()), is_learned=True)
+    db.put_settings({**settings, "state": secrets.token_hex(8)})
+    db.put_logs(map(row_of_log, open_store(folder / "trips").logs()), is_learned=True)
     learned = folder / "learned"
     restore_folder(learned)
     if learned.is_dir():
@@ -124,20 +119,20 @@ def _read_description(folder: Path, db: sqlite3.Connection) -> None:
         db.executemany("INSERT INTO model VALUES (?, ?)", parts)
 
 
-def _read_settings(live: Path, db: sqlite3.Connection) -> None:
+def _read_settings(live: Path, db: Database) -> None:
     token, plan = live / "token.json", live / "plan.json"
     if token.is_file():
         with damage(token, "the digest of a token"):
-            put_settings(db, {"token": f"{json.loads(read_text_file(token, MAX_TEXT_BYTES))['sha256']}"})
+            db.put_settings({"token": f"{json.loads(read_text_file(token, MAX_TEXT_BYTES))['sha256']}"})
     if plan.is_file():
         with damage(plan, "a plan", "remove it"):
-            stored_plan = LivePlan.from_dict(json.loads(read_file(plan, MAX_TEXT_BYTES))).to_dict()
-            put_settings(db, {"plan": stored_plan})
+            document = json.loads(read_file(plan, MAX_TEXT_BYTES))
+            db.put_settings({"plan": LivePlan.from_dict(document).to_dict()})
     start_s, forecasts = _read_forecasts(live / "forecasts.json")
-    put_forecasts(db, start_s, forecasts)
+    db.put_forecasts(start_s, forecasts)
 
 
-def _read_journal(path: Path, db: sqlite3.Connection) -> None:
+def _read_journal(path: Path, db: Database) -> None:
     """Read the samples of a journal; damaged lines, and an incomplete end that a killed process left, are left out."""
     if not path.is_file():
         return
@@ -150,9 +145,9 @@ def _read_journal(path: Path, db: sqlite3.Connection) -> None:
                 samples.append(sample_of_text(line))
     if samples and samples[-1].received_s is None:
         samples[-1] = replace(samples[-1], received_s=path.stat().st_mtime)
-    put_messages(db, samples)
+    db.put_messages(samples)
     with contextlib.suppress(*UNREADABLE):
-        put_settings(db, {"live": _state_of_line(json.loads(first_line))})
+        db.put_settings({"live": _state_of_line(json.loads(first_line))})
 
 
 def _state_of_line(line: Mapping[str, Any]) -> dict[str, Any]:
@@ -170,7 +165,7 @@ def _state_of_line(line: Mapping[str, Any]) -> dict[str, Any]:
     }
 
 
-def _read_trips(car: str, live: Path, db: sqlite3.Connection) -> None:
+def _read_trips(car: str, live: Path, db: Database) -> None:
     """Read the finished trips on the road; the text of a trip that cannot be read is kept in the setting `unread`."""
     taught: set[str] = set()
     with contextlib.suppress(*UNREADABLE):
@@ -187,13 +182,13 @@ def _read_trips(car: str, live: Path, db: sqlite3.Connection) -> None:
             ).rowcount:
                 context = Context(started_at=start.astimezone().replace(tzinfo=None))
                 row = row_of_log(Log.from_samples(log_name, read_canonical(path), context))
-                put_logs(db, [row], start_s=start_s, is_learned=is_learned)
+                db.put_logs([row], start_s=start_s, is_learned=is_learned)
         except UNREADABLE:
             unread[path.name] = read_file(path).decode("utf-8", "replace")
         else:
-            put_forecasts(db, start_s, _read_forecasts(path.with_name(f"{name}.forecasts.json"))[1])
+            db.put_forecasts(start_s, _read_forecasts(path.with_name(f"{name}.forecasts.json"))[1])
     if unread:
-        put_settings(db, {"unread": unread})
+        db.put_settings({"unread": unread})
 
 
 def _read_forecasts(path: Path) -> tuple[float, tuple[MadeForecast, ...]]:

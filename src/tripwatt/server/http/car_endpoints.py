@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 from collections.abc import Mapping
 from typing import Annotated, Any, Final
 from urllib.parse import parse_qsl
@@ -79,8 +78,7 @@ async def get_car(call: Called, car: CarName) -> Response:
 async def forget_car(call: Called, car: CarName) -> Response:
     """Erase a car: its trips, its model, its diary, and what it sent."""
     call.service.learning.require_idle(car)
-    with contextlib.suppress(Problem):
-        await call.service.live.drop(car)
+    await call.service.live.drop(car)
     response = await call.job("cars.forget", name=car)
     call.service.learning.by_car.pop(car, None)
     return response

@@ -6,7 +6,7 @@ import contextlib
 import os
 import shutil
 import time
-from collections.abc import Hashable, Mapping, Sequence
+from collections.abc import Callable, Hashable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any, Final
@@ -22,9 +22,10 @@ from tripwatt.errors import Fault, InvalidInput, excerpt
 from tripwatt.files import write_bytes
 from tripwatt.forecasting import ForecastModel
 from tripwatt.server import cars as live
+from tripwatt.server.cars.car_file import CarFile
 from tripwatt.server.cars.diary import causes_of
-from tripwatt.server.cars.folder import UPLOADS, folder_name, learned_state
-from tripwatt.server.cars.live_car import VALID_NAME
+from tripwatt.server.cars.folder import UPLOADS, folder_name, holds_car, setting_of
+from tripwatt.server.cars.live_car import VALID_NAME, require_valid_name
 from tripwatt.server.http.car_schemas import CarResponse, CarSummary, LogsRequest, plain
 from tripwatt.server.http.problems import MAX_FAULTS, Problem, fault_document
 from tripwatt.sources.archives import unpack
@@ -69,11 +70,10 @@ class CarJobs:
         default_factory=lambda: LRUCache(MAX_KEPT_MODELS)
     )
 
-    def names(self) -> list[str]:
-        """Return the names of the cars."""
-        if self.folder is None or not self.folder.is_dir():
-            return []
-        return sorted(folder.name for folder in self.folder.iterdir() if live.is_car(folder))
+    def folders(self) -> list[Path]:
+        """Return the folders of the cars, by name."""
+        found = [] if self.folder is None or not self.folder.is_dir() else self.folder.iterdir()
+        return sorted(folder for folder in found if holds_car(folder))
 
     def car(self, name: str) -> live.Car:
         """Open the car of this name; raises as `car_folder` does."""
@@ -83,7 +83,7 @@ class CarJobs:
         """Return the current model of a car; None if there is no such car."""
         if self.folder is None or VALID_NAME.fullmatch(name) is None:
             return None
-        state, cached = learned_state(self.folder / name), self.models.get(name)
+        state, cached = setting_of(self.folder / name, "state"), self.models.get(name)
         if state is None:
             return None
         if cached is None or cached[0] != state:
@@ -91,10 +91,19 @@ class CarJobs:
         return cached[1]
 
     def list(self) -> dict[str, Any]:
-        """Return the cars, as `CarsResponse`."""
-        if self.folder is None:
-            return {"cars": None}
-        return {"cars": [_summary(car, car.about(), CarSummary) for car in map(self.car, self.names())]}
+        """Return the cars, as `CarsResponse`; one that cannot be read is listed with its faults beside the others."""
+        cars: list[dict[str, Any]] = []
+        damaged: dict[str, list[dict[str, str]]] = {}
+        for folder in self.folders():
+            try:
+                if live.is_car(folder) or not CarFile(folder).is_finished:  # others only send on the road
+                    require_valid_name(folder)
+                    car = live.open_car(folder)
+                    cars.append(_summary(car, car.about(), CarSummary))
+            except InvalidInput as error:
+                faults = _without_folder(error, folder.parent).faults
+                damaged[folder.name] = [*map(fault_document, faults)]
+        return {"cars": None if self.folder is None else cars, "damaged": damaged}
 
     def show(self, name: str) -> dict[str, Any]:
         """Return a car and its diary, as `CarResponse` without `learning`."""
@@ -113,8 +122,8 @@ class CarJobs:
         return self.show(live.create_car(folder, vehicle, label=name).name)
 
     def forget(self, name: str) -> dict[str, Any]:
-        """Erase a car."""
-        live.forget_car(self.car(name).folder)
+        """Erase a car, also a damaged one."""
+        live.forget_car(car_folder(self.folder, name, holds_car))
         self.models.pop(name, None)
         return {"forgotten": name}
 
@@ -133,7 +142,8 @@ class CarJobs:
         free_bytes = max(max_bytes - sum(_sizes(folder.parent)), 0)
         limits = {**LIMITS, **{kind: min(free_bytes, LIMITS[kind]) for kind in (INSIDE, TABLES_BYTES)}}
         try:
-            tables.mkdir(parents=True, exist_ok=True)
+            for part in (folder.parent, folder, tables):  # but not a car that is erased
+                part.mkdir(exist_ok=True)
             tables_before = set(tables.iterdir())
             unpacked = unpack(file, tables, content=body, limits=limits)
         except OSError as error:
@@ -146,6 +156,9 @@ class CarJobs:
                 shutil.rmtree(folder, ignore_errors=True)
             allowed = f"{MAX_FILES} tables and {max_bytes} bytes"
             raise Problem("too-large", f"at most {allowed} that are not learned yet")
+        if not live.is_car(folder.parents[1]):  # erased meanwhile
+            shutil.rmtree(folder.parent, ignore_errors=True)
+            raise Problem("no-such-car", "GET /v1/cars lists the cars")
         return {"files": len(sizes), "bytes": sum(sizes)}
 
     def logs(self, name: str, upload: str, request: LogsRequest) -> dict[str, Any]:
@@ -169,10 +182,11 @@ class CarJobs:
         }
 
     def learn(self, name: str, upload: str, request: LogsRequest) -> dict[str, Any]:
-        """Learn the trips of an upload and erase the upload; return the fields of `Learned`."""
+        """Learn the trips of an upload and erase its files, but not those that come meanwhile; return the fields of `Learned`."""
         car = self.car(name)
         tables = upload_tables(car.folder, upload)
         file = tables.parent / PROGRESS
+        read = [*tables.glob("[!.]*")]
         try:
             kinds = _kinds_of_upload(tables, request, car.vehicle)
             fleet = read_kinds(tables, kinds, heights=self.heights)
@@ -183,7 +197,11 @@ class CarJobs:
             write_bytes(file, orjson.dumps({"done": done, "total": total}))
 
         learned = car.add(fleet, progress=note_progress)
-        shutil.rmtree(tables.parent, ignore_errors=True)
+        with contextlib.suppress(OSError):
+            for part in (*read, file):
+                part.unlink(missing_ok=True)
+            tables.rmdir()  # fails if it has other files
+            tables.parent.rmdir()
         return _learned_document(learned)
 
     def learn_finished(self, name: str) -> dict[str, Any]:
@@ -204,8 +222,8 @@ def require_folder(folder: Path | None) -> Path:
     return folder
 
 
-def car_folder(folder: Path | None, name: str) -> Path:
-    """Return the folder of the car of this name.
+def car_folder(folder: Path | None, name: str, is_there: Callable[[Path], bool] = live.is_car) -> Path:
+    """Return the folder of the car of this name; `is_there` tells whether a folder is that of a car.
 
     Raises
     ------
@@ -213,7 +231,7 @@ def car_folder(folder: Path | None, name: str) -> Path:
         `no-live` for a service without cars, `no-such-car`.
     """
     path = require_folder(folder) / name
-    if VALID_NAME.fullmatch(name) is None or not live.is_car(path):
+    if VALID_NAME.fullmatch(name) is None or not is_there(path):
         raise Problem("no-such-car", "GET /v1/cars lists the cars")
     return path
 
@@ -366,7 +384,7 @@ def _learned_document(learned: live.Learned) -> dict[str, Any]:
 def _summary(car: live.Car, description: Mapping[str, Any], model: type[BaseModel]) -> dict[str, Any]:
     """Return the fields of `description` that a response has, with the name of the car and whether it has a token."""
     fields = {key: description[key] for key in model.model_fields if key in description}
-    return {"name": car.name, "has_token": live.has_token(car.folder), **fields}
+    return {"name": car.name, "has_token": car.file.setting("token") is not None, **fields}
 
 
 def _sizes(folder: Path) -> list[int]:

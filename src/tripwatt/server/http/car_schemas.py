@@ -286,6 +286,8 @@ class CarsResponse(ResponseModel):
 
     cars: list[CarSummary] | None
     """null where the service keeps no cars"""
+    damaged: dict[str, list[ProblemFault]]
+    """names of cars that cannot be read -> why; they can be erased"""
 
 
 class TokenResponse(ResponseModel):

@@ -298,7 +298,7 @@ class Jobs:
         fitted = {model.vehicle.name for model in self.models.values()}
         if field == "car" and name not in fitted and not self.cars.model(name) and not self._fleet_with(name):
             with places_named({"vehicle": "car"}):
-                require_vehicle(name, self.cars.names())
+                require_vehicle(name, [folder.name for folder in self.cars.folders()])
 
     def _fleet_with(self, car: Any) -> str | None:
         """Return the first fleet that has a vehicle of this name; None if there is none."""

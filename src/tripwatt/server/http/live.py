@@ -24,8 +24,8 @@ from sse_starlette import EventSourceResponse, ServerSentEvent
 from tripwatt.errors import InvalidInput, did_you_mean, or_none
 from tripwatt.forecasting import ForecastModel
 from tripwatt.roads.advice import Companion
-from tripwatt.server.cars import Car, Follower, Sample, has_token
-from tripwatt.server.cars.folder import digest_of, token_digest
+from tripwatt.server.cars import Car, Follower, Sample
+from tripwatt.server.cars.folder import digest_of, setting_of
 from tripwatt.server.http.car_jobs import CarJobs, car_folder
 from tripwatt.server.http.car_schemas import LiveDeparture
 from tripwatt.server.http.jobs import Jobs, no_description_flag
@@ -73,7 +73,7 @@ class LiveCars:
     Raises
     ------
     InvalidInput
-        When there is no such folder, or a car with a token cannot be opened.
+        When there is no such folder.
     """
 
     def __init__(self, settings: Settings, pool: WorkerPool, log: Callable[..., None]) -> None:
@@ -89,22 +89,24 @@ class LiveCars:
         if folder is None or not folder.is_dir():
             fix = "make it; cars are made in it on the page or by `tripwatt car new`"
             raise InvalidInput.of("no folder of cars", "--cars", f"{folder}", "a folder", fix)
-        names = {car.name for car in folder.iterdir() if has_token(car)}
+        subscribed = set[str]() if settings.mqtt is None else {*settings.mqtt.cars}
         self._follower: Follower | None = None
         # name of a car -> state of which need and range were computed, and need and range
         self._ahead: dict[str, tuple[tuple[Any, ...], dict[str, Any]]] = {}
         if settings.mqtt is not None:
-            names |= {*settings.mqtt.cars}
-            every_s = settings.limits.live_every_s
             self._follower = Follower(
                 settings.mqtt,
                 self.take_published,
                 self.published,
                 lambda text: log(event="mqtt", error=text),
-                every_s,
+                settings.limits.live_every_s,
             )
-        for name in sorted(names):
-            self._open(folder / name)
+        for name in sorted(subscribed | {car.name for car in CarJobs(folder).folders()}):
+            try:
+                if name in subscribed or setting_of(folder / name, "token"):
+                    self._open(folder / name)
+            except Exception as error:  # the other cars are followed all the same
+                log(event="car not followed", vehicle=name, error=f"{error}"[:200])
 
     async def run(self, work: Callable[..., Result], *args: Any) -> Result:
         """Call `work` in the thread of the cars, and return its result."""
@@ -118,7 +120,9 @@ class LiveCars:
             car.note = lambda text: self.log(event="forecast not stored", vehicle=name, error=text)
             car.finished = partial(self._finished, name)
             self.cars[name] = car
-        self._digests[name] = token_digest(folder) or ""
+        digest = {name: setting_of(folder, "token") or ""}
+        is_copy = setting_of(folder, "token_of") not in (None, name)  # with the token of another car
+        self._digests = self._digests | digest if is_copy else digest | self._digests | digest
 
     def _finished(self, name: str) -> None:
         if self._loop is not None:
@@ -138,6 +142,7 @@ class LiveCars:
         """Close a car and stop following it."""
         self._digests.pop(name, None)
         self._companions.pop(name, None)
+        self._ahead.pop(name, None)
         car = self.cars.pop(name, None)
         if car is not None:
             await self.run(car.close)

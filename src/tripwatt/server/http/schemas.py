@@ -442,31 +442,31 @@ class ProblemDocument(ResponseModel):
     """of a line of a batch: the trip of its request"""
 
 
-class VehicleSummary(ResponseModel):
-    """A car of the library."""
-
-    name: str
-    title: str
-    test_mass_kg: float
-    usable_energy_wh: float
-    """energy between 0 and 1 of the displayed state of charge [Wh]"""
-    has_climate: bool
-    """whether heating and cooling are simulated"""
-    anchor: str
-    """what the values were held against: road_load (measured coast-down and certified consumption), certification, class, or published (published values alone)"""
-    models: list[str]
-    """models fitted on this car; other models forecast it with much wider intervals"""
-
-
-class DescribedVehicle(ResponseModel):
-    """A car from a few figures."""
+class VehicleValues(ResponseModel):
+    """Values of a car."""
 
     title: str
     test_mass_kg: float
     """mass with a driver [kg]"""
     usable_energy_wh: float
+    """energy between 0 and 1 of the displayed state of charge [Wh]"""
     anchor: str
-    """certification where a consumption was given, else class"""
+    """what the values were held against: road_load (measured coast-down and certified consumption), certification (a consumption), class, or published (published values alone)"""
+
+
+class VehicleSummary(VehicleValues):
+    """A car of the library."""
+
+    name: str
+    has_climate: bool
+    """whether heating and cooling are simulated"""
+    models: list[str]
+    """models fitted on this car; other models forecast it with much wider intervals"""
+
+
+class DescribedVehicle(VehicleValues):
+    """A car from a few figures."""
+
     wltp_kwh_per_100km: float
     """consumption on the WLTP at the wall [kWh/100 km]"""
     wltp_low_kwh_per_100km: float

@@ -60,11 +60,8 @@ def open_socket(settings: Settings) -> socket.socket:
     InvalidInput
         When the address is not an address of this machine, or the port is in use.
     """
-    allowed, address_text = (
-        "an address of this machine and a free port",
-        f"{settings.host} port {settings.port}",
-    )
-    with system_errors("cannot listen", "--host, --port", allowed, address_text):
+    allowed = "an address of this machine and a free port"
+    with system_errors("cannot listen", "--host, --port", allowed, f"{settings.host} port {settings.port}"):
         (family, _, _, _, address), *_ = socket.getaddrinfo(
             settings.host, settings.port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE
         )
