@@ -17,6 +17,7 @@ from tripwatt.server.http import service as room
 from tripwatt.server.http.app import create_app
 from tripwatt.server.http.pool import JobResult
 from tripwatt.server.http.settings import Limits, Settings
+from tripwatt.server.http.sharing import Places
 
 JSON = "application/json"
 
@@ -26,6 +27,7 @@ class Pool:
 
     def __init__(self, settings: Settings, log_event: Callable[..., None]) -> None:
         self.settings, self.log_event = settings, log_event
+        self.places = Places(settings.limits.waiting, "too many requests wait", {"Retry-After": "1"})
         self.waiting, self.ready, self.lost = 0, 1, 0
         self.jobs: list[tuple[dict[str, Any], bytes]] = []
         self.result = JobResult(200, b'{"a":1}', 0.5)
@@ -115,9 +117,9 @@ def test_a_problem_of_a_job_gets_the_id_of_its_request() -> None:
 
 def test_a_body_is_not_read_while_too_many_requests_wait() -> None:
     served = Served(waiting=2)
-    served.pool.waiting = 1
+    served.pool.places.taken["another"] = 1
     assert served.post("/v1/forecast").status_code == 200
-    served.pool.waiting = 2
+    served.pool.places.taken["another"] = 2
     found = served.post("/v1/forecast")
     assert (found.status_code, found.json()["detail"]) == (503, "too many requests wait")
     assert found.headers["retry-after"] == "1"

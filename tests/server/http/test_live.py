@@ -18,6 +18,7 @@ import httpx
 import orjson
 import pandas as pd
 import pytest
+from starlette.requests import ClientDisconnect
 from tests.server.cars.messages import NOON, NOON_S, abrp_messages, measured
 from tests.support.drives import example_trip
 from tests.support.service_process import TOKEN, Service, serving, wait_for
@@ -48,7 +49,9 @@ from tripwatt.server.http.car_jobs import CarJobs
 from tripwatt.server.http.jobs import Jobs
 from tripwatt.server.http.live import LiveCars
 from tripwatt.server.http.pool import JobResult
+from tripwatt.server.http.problems import Problem
 from tripwatt.server.http.settings import Limits, Settings
+from tripwatt.server.http.sharing import CLIENT, Places
 from tripwatt.server.http.worker import run_job
 from tripwatt.trips import Plan
 from tripwatt.trips.messages import leave_in_words
@@ -103,6 +106,7 @@ class Pool:
 
     def __init__(self, settings: Settings, log_event: Callable[..., None]) -> None:
         self.settings = settings
+        self.places = Places(settings.limits.waiting, "too many requests wait", {})
 
     async def run(self, job: dict[str, Any], body: bytes, *, may_queue: bool = False) -> JobResult:
         self.kinds.append(job["kind"])
@@ -538,7 +542,6 @@ def test_events_come_at_once_and_after_news(served: Served, monkeypatch: pytest.
         found, ending = [], anyio.Event()
         async for part in cars.events(car, ending):
             found.append(part.encode())
-            assert cars.listeners == 1
             if len(found) == 1:
                 car.record(Sample(NOON_S, {"speed_m_s": 1.0}))
             else:
@@ -549,7 +552,6 @@ def test_events_come_at_once_and_after_news(served: Served, monkeypatch: pytest.
         head, data, *rest = part.split(b"\n")
         assert (head, rest) == (b"event: live", [b"", b""])
         assert orjson.loads(data.removeprefix(b"data: "))["messages"]["new"] == new
-    assert cars.listeners == 0
 
 
 def test_the_stream_of_a_car_that_is_deleted_ends(served: Served, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -598,17 +600,57 @@ def test_a_forecast_that_a_diary_keeps_is_made_without_listeners(
 
 def test_listeners_have_places(served: Served, monkeypatch: pytest.MonkeyPatch) -> None:
     cars = _cars(served)
-    quick(cars, monkeypatch, listeners=2)
-    cars.listeners = 2
+    quick(cars, monkeypatch)
+    cars.listeners.most = 2
+    cars.listeners.taken["another"] = 2
     found = served("/v1/live/leaf/events")
     assert (found.status_code, found.json()["detail"]) == (503, "too many listeners")
-    cars.listeners = 1
+    cars.listeners.taken["another"] = 1
     ending = anyio.Event()
     ending.set()
     monkeypatch.setattr(module.anyio, "Event", lambda: ending)
     found = served("/v1/live/leaf/events")
     assert (found.status_code, found.headers["content-type"]) == (200, "text/event-stream; charset=utf-8")
-    assert cars.listeners == 1, "the place of a stream that has ended is free"
+    assert cars.listeners.taken == {"another": 1}, "the place of a stream that has ended is free"
+
+
+def test_streams_that_begin_together_are_no_more_than_the_places(
+    served: Served, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """All are made before the first is sent, as where many connect at once; each client has a share."""
+    cars = _cars(served)
+    quick(cars, monkeypatch)
+    cars.listeners.most = 8
+    open_streams: set[int] = set()
+
+    async def listen(number: int) -> bool:
+        CLIENT.set(f"client {number % 3}")
+        stream = cars.stream(cars.by_name("leaf"))
+        await asyncio.sleep(0.0)
+
+        async def send(message: Any) -> None:
+            open_streams.add(number)
+            await asyncio.sleep(0.2)
+            raise OSError  # the client has gone
+
+        async def receive() -> dict[str, str]:
+            await asyncio.sleep(60.0)
+            return {"type": "http.disconnect"}
+
+        try:
+            await stream({"type": "http", "method": "GET"}, receive, send)
+        except Problem:
+            return False
+        except (OSError, ExceptionGroup, ClientDisconnect):
+            pass
+        return True
+
+    async def run() -> list[bool]:
+        return await asyncio.gather(*(listen(number) for number in range(40)))
+
+    assert sum(asyncio.run(run())) == len(open_streams) <= 8
+    assert {number % 3 for number in open_streams} == {0, 1, 2}
+    assert not cars.listeners.taken
 
 
 def test_a_stream_without_news_sends_comments(served: Served, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -623,7 +665,7 @@ def test_the_head_of_a_stream_ends(served: Served) -> None:
     found = served("/v1/live/leaf/events", "HEAD")
     assert (found.status_code, found.content) == (200, b"")
     assert found.headers["content-type"].startswith("text/event-stream")
-    assert _cars(served).listeners == 0
+    assert not _cars(served).listeners.taken
 
 
 def test_a_bug_of_one_car_does_not_end_the_watch_of_the_others(

@@ -18,6 +18,7 @@ from tripwatt.server.http.metrics import Metrics
 from tripwatt.server.http.middleware import ProxyHeaders, ServiceMiddleware
 from tripwatt.server.http.problems import Problem
 from tripwatt.server.http.settings import Settings
+from tripwatt.server.http.sharing import client_key
 
 JSON = {"Content-Type": "application/json"}
 
@@ -366,3 +367,41 @@ def test_the_host_that_a_proxy_forwards_counts_where_its_peer_is_trusted() -> No
     assert [asyncio.run(run(peer, named)) for peer in ("172.17.0.1", "10.1.2.3", "127.0.0.1")] == [both] * 3
     assert asyncio.run(run("11.0.0.1", named)) == own
     assert asyncio.run(run("11.0.0.1", " * ")) == both
+
+
+@pytest.mark.parametrize(
+    ("peer", "trusted", "given", "client"),
+    [
+        ("192.0.2.7", "", ["9.9.9.9"], "192.0.2.7"),
+        ("127.0.0.1", "", [], "127.0.0.1"),
+        ("127.0.0.1", "", ["9.9.9.9, 192.0.2.7"], "192.0.2.7"),
+        ("127.0.0.1", "", ["9.9.9.9", "192.0.2.7"], "192.0.2.7"),
+        ("::ffff:127.0.0.1", "", ["9.9.9.9, 192.0.2.7"], "192.0.2.7"),
+        ("::1", "", ["9.9.9.9, ::ffff:192.0.2.7"], "192.0.2.7"),
+        ("10.0.0.2", "10.0.0.2", ["9.9.9.9, 192.0.2.7, 127.0.0.1"], "192.0.2.7"),
+        ("::ffff:10.0.0.2", "10.0.0.0/8", ["127.0.0.1, 192.0.2.7"], "192.0.2.7"),
+        ("10.0.0.2", "*", ["127.0.0.1, 192.0.2.7"], "192.0.2.7"),
+        ("10.0.0.2", "*", ["127.0.0.1", "192.0.2.7"], "192.0.2.7"),
+        ("10.0.0.2", "*", [], "10.0.0.2"),
+    ],
+)
+def test_the_client_is_the_last_address_that_no_trusted_proxy_has(
+    peer: str, trusted: str, given: list[str], client: str
+) -> None:
+    """What a client itself writes into `X-Forwarded-For` is before that, and changes nothing."""
+    seen = []
+
+    async def app(scope: Any, receive: Any, send: Any) -> None:
+        seen.append(scope["client"][0])
+
+    headers = [(b"x-forwarded-for", value.encode()) for value in given]
+    scope = {"type": "http", "client": (peer, 1), "headers": headers}
+    asyncio.run(ProxyHeaders(app, trusted)(scope, None, None))
+    assert seen == [client]
+
+
+def test_each_client_has_one_key() -> None:
+    hosts = ["192.0.2.7", "192.0.2.8", "2001:db8::1", "2001:db8:0:1::1", "fe80::1%eth0", "", "unix"]
+    assert len({client_key(host) for host in hosts}) == len(hosts)
+    assert client_key("::ffff:192.0.2.7") == client_key("192.0.2.7")
+    assert client_key("2001:db8::1") == client_key("2001:db8::ffff:1"), "one client has a whole network"

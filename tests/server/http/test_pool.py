@@ -17,6 +17,7 @@ from tripwatt.server.http import pool as room
 from tripwatt.server.http.pool import WorkerPool
 from tripwatt.server.http.problems import Problem
 from tripwatt.server.http.settings import Limits, Settings
+from tripwatt.server.http.sharing import CLIENT
 
 ANSWER = (200, b"done", 0.5)
 JOB = {"kind": "forecast"}
@@ -125,6 +126,44 @@ def test_jobs_beyond_the_waiting_ones_are_refused(monkeypatch: pytest.MonkeyPatc
             assert (pool.waiting, elapsed_s()) == (0, 1.0)
 
     run_jumping(run())
+
+
+@pytest.mark.parametrize("greedy", [3, 30])
+def test_clients_take_turns_and_each_finds_a_place(monkeypatch: pytest.MonkeyPatch, greedy: int) -> None:
+    """However many jobs other clients send, one more waits for at most one of each; a client takes no more places than it leaves."""
+    Executors(monkeypatch, [1.0] * 200)
+    ended_s: dict[str, list[float]] = {"first": [], "second": [], "late": []}
+    refused: list[str] = []
+
+    async def send(pool: WorkerPool, client: str) -> None:
+        CLIENT.set(client)
+        try:
+            await pool.run(JOB, b"")
+        except Problem:
+            refused.append(client)
+        else:
+            ended_s[client].append(elapsed_s())
+
+    async def run() -> None:
+        async with running(waiting=24, timeout_s=300.0) as pool:
+            tasks = [asyncio.create_task(send(pool, "first")) for _ in range(greedy)]
+            await settled()
+            tasks += [asyncio.create_task(send(pool, "second")) for _ in range(greedy)]
+            await settled()
+            await asyncio.sleep(1.5)
+            tasks += [asyncio.create_task(send(pool, "late")) for _ in range(2)]
+            await asyncio.gather(*tasks)
+            assert pool.waiting == 0
+
+    run_jumping(run())
+    assert "late" not in refused
+    assert len(ended_s["late"]) == 2
+    assert ended_s["late"][0] <= 1.5 + 4.0, "what runs, one of each that waits, and its own"
+    assert ended_s["late"][1] - ended_s["late"][0] <= 3.0
+    if greedy == 30:
+        assert {"first", "second"} == {*refused}
+        assert len(ended_s["first"]) == 13, "what runs, and half of the places"
+        assert len(ended_s["second"]) == 6, "half of the others"
 
 
 def test_a_cancelled_request_leaves_its_worker_usable(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -69,7 +69,7 @@ def test_a_body_has_its_time() -> None:
         assert elapsed_s() == 4.9
         assert (caught.value.kind, caught.value.detail) == ("body-late", "longer than 2.5 s")
         assert caught.value.headers == {"Connection": "close"}
-        assert bodies.arriving == 0
+        assert bodies.places.taken.total() == 0
 
     run_jumping(run())
 
@@ -78,18 +78,18 @@ def test_all_bodies_together_have_a_largest_size() -> None:
     """The body that exceeds it is refused; slow ones hold what they have sent, and are read to their ends."""
 
     async def run() -> None:
-        bodies = Bodies(12)
+        bodies = Bodies(24)
         slow = asyncio.create_task(read(bodies, Body((0.0, b"12345"), (9.0, b"678"))))
         await asyncio.sleep(1.0)
-        assert bodies.arriving == 5
+        assert bodies.places.taken.total() == 5
         assert await read(bodies, Body((0.0, b"1234567"))) == b"1234567"
         with pytest.raises(Problem) as caught:
             await read(bodies, Body((0.0, b"1234"), (0.0, b"5678")))
         assert caught.value.kind == "busy"
         assert caught.value.headers == {"Connection": "close", "Retry-After": "2"}
-        assert bodies.arriving == 5
+        assert bodies.places.taken.total() == 5
         assert await slow == b"12345678"
-        assert bodies.arriving == 0
+        assert bodies.places.taken.total() == 0
 
     run_jumping(run())
 

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import Annotated, Literal
 
-from pydantic import ConfigDict, Field, RootModel, create_model
+from pydantic import ConfigDict, Field, RootModel
 
 from tripwatt.forecasting.document import FlagDocument, ForecastResponse
 from tripwatt.roads.advice.preheating import PLUG_W
@@ -230,18 +230,10 @@ class ReachRequest(JourneyCar):
     reserve: float = schemas.reserve_field(0.0)
 
 
-if TYPE_CHECKING:
-    from tripwatt.server.http.schemas import DepartureRequest as _DepartureQuery
-else:
-    _DepartureQuery = create_model(
-        "_DepartureQuery",
-        __config__=ConfigDict(extra="forbid", use_attribute_docstrings=True, allow_inf_nan=False),
-        **{name: schemas.departure_field(name, field) for name, field in ASKED.items()},
-    )
-
-
-class RangeQuery(_DepartureQuery):
+class RangeQuery(schemas.DepartureRequest):
     """A charge, the kind of road and the car."""
+
+    model_config = ConfigDict(strict=False)  # values of a URL are texts
 
     departs_at: schemas.Time | None = schemas.departure_field("departs_at", ASKED["departs_at"])[1]
     kind: Literal["city", "country", "motorway", "mixed"] = "mixed"

@@ -20,6 +20,7 @@ from typing import Any, Final, TypeVar
 import anyio
 import orjson
 from sse_starlette import EventSourceResponse, ServerSentEvent
+from starlette.types import Receive, Scope, Send
 
 from tripwatt.errors import InvalidInput, did_you_mean, or_none
 from tripwatt.forecasting import ForecastModel
@@ -33,6 +34,7 @@ from tripwatt.server.http.journey_schemas import NeedQuery
 from tripwatt.server.http.pool import JobResult, WorkerPool, cancel_all
 from tripwatt.server.http.problems import Problem, fault_document
 from tripwatt.server.http.settings import Settings
+from tripwatt.server.http.sharing import Places
 from tripwatt.trips.messages import flag_to_dict
 
 SILENCE_CHECK_S: Final = 30.0
@@ -50,6 +52,19 @@ CAR_FIELDS: Final = ("car", "model")
 Result = TypeVar("Result")
 
 
+class Stream(EventSourceResponse):
+    """A stream of events that holds a place as long as it is sent; without a free place it is refused."""
+
+    def __init__(self, places: Places, *args: Any, **more: Any) -> None:
+        super().__init__(*args, **more)
+        self.places = places
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Send the stream."""
+        with self.places.held():
+            await super().__call__(scope, receive, send)
+
+
 class LiveCars:
     """The cars of a folder and the forecasts of their trips.
 
@@ -65,8 +80,8 @@ class LiveCars:
     ----------
     cars : dict of str to Car
         The cars that are followed, by name.
-    listeners : int
-        Streams that are open.
+    listeners : Places
+        Open streams, by client.
     learn : callable
         Called with the name of a car that has finished a trip.
 
@@ -79,7 +94,7 @@ class LiveCars:
     def __init__(self, settings: Settings, pool: WorkerPool, log: Callable[..., None]) -> None:
         self.settings, self.pool, self.log = settings, pool, log
         self.cars: dict[str, Car] = {}
-        self.listeners = 0
+        self.listeners = Places(settings.limits.listeners, "too many listeners", {"Retry-After": "30"})
         self.learn: Callable[[str], None] = lambda name: None
         self._loop: asyncio.AbstractEventLoop | None = None
         self._digests: dict[str, str] = {}
@@ -367,17 +382,10 @@ class LiveCars:
         return {"cars": [dict(zip(names, (*row, trip is not None), strict=True)) for *row, trip in rows]}
 
     def stream(self, car: Car) -> EventSourceResponse:
-        """Return the forecasts of a car as a stream of server-sent events.
-
-        Raises
-        ------
-        Problem
-            `busy` if there are too many listeners already.
-        """
-        if self.listeners >= self.settings.limits.listeners:
-            raise Problem("busy", "too many listeners", headers={"Retry-After": "30"})
+        """Return the forecasts of a car as a stream of server-sent events, which is refused if there are too many listeners."""
         ending = anyio.Event()
-        return EventSourceResponse(
+        return Stream(
+            self.listeners,
             self.events(car, ending),
             headers={"Content-Encoding": "identity"},  # a compressed stream would wait for more
             sep="\n",
@@ -395,18 +403,14 @@ class LiveCars:
         ServerSentEvent
             An event `live` whose data is a `LiveResponse`.
         """
-        self.listeners += 1
         sent: tuple[Any, ...] | None = None
-        try:
-            while not ending.is_set() and self.cars.get(car.name) is car:
-                if sent != car.live_state:
-                    sent = car.live_state
-                    data = orjson.dumps(await self.document(car)).decode()
-                    yield ServerSentEvent(data, event="live", sep="\n")
-                with anyio.move_on_after(self.settings.limits.live_every_s):
-                    await ending.wait()
-        finally:
-            self.listeners -= 1
+        while not ending.is_set() and self.cars.get(car.name) is car:
+            if sent != car.live_state:
+                sent = car.live_state
+                data = orjson.dumps(await self.document(car)).decode()
+                yield ServerSentEvent(data, event="live", sep="\n")
+            with anyio.move_on_after(self.settings.limits.live_every_s):
+                await ending.wait()
 
     async def watch(self) -> None:
         """End the trips of cars that became silent, and make the forecasts that diaries keep, until this is cancelled."""

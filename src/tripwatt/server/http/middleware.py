@@ -23,6 +23,7 @@ from tripwatt.errors import excerpt
 from tripwatt.server.http.metrics import Metrics
 from tripwatt.server.http.problems import SAFE_METHODS, Problem
 from tripwatt.server.http.settings import Settings
+from tripwatt.server.http.sharing import CLIENT, client_key, unmapped
 
 TOKEN_PATHS: Final = ("/v1/", "/metrics", "/openapi.json")
 """First parts of paths that need the token; the files of the page hold no secret."""
@@ -63,9 +64,16 @@ class ProxyHeaders(ProxyHeadersMiddleware):
 
     async def __call__(self, scope: Any, receive: Any, send: Any) -> None:
         """Handle one request."""
-        if scope["type"] == "http" and (scope["client"] or ("",))[0] not in self.trusted_hosts:
-            scope["headers"] = [header for header in scope["headers"] if header[0] != b"x-forwarded-host"]
-        await super().__call__(scope, receive, send)
+        if scope["type"] == "http":
+            host, trusted = unmapped((scope["client"] or ("",))[0]), self.trusted_hosts
+            given = ",".join(Headers(scope=scope).getlist("x-forwarded-for"))
+            if host not in trusted:
+                scope["headers"] = [header for header in scope["headers"] if header[0] != b"x-forwarded-host"]
+            else:  # the last address is the one that the proxy itself has seen
+                seen = given.rpartition(",")[2].strip() if trusted.always_trust else given
+                host = trusted.get_trusted_client_address(seen)[0] or host
+            scope["client"] = (unmapped(host), 0)
+        await self.app(scope, receive, send)
 
 
 class ServiceMiddleware:
@@ -151,9 +159,11 @@ class _Exchange:
         self.request_id = given if VALID_REQUEST_ID.fullmatch(given) else secrets.token_hex(8)
         self.status, self.sent_bytes, self.finished = 0, 0, False
         self.started = time.perf_counter()
+        self.client = (scope.get("client") or ("",))[0]
 
     async def run(self, receive: Receive, send: Send) -> None:
         middleware = self.middleware
+        CLIENT.set(client_key(self.client))
         self.scope["state"] = {**self.scope.get("state", {}), "request_id": self.request_id}
         middleware.metrics.running.inc()
         error = ""
@@ -203,7 +213,6 @@ class _Exchange:
         metrics = self.middleware.metrics
         metrics.requests.labels(route, method, str(self.status)).inc()
         metrics.duration.labels(route).observe(seconds)
-        client = self.scope.get("client")
         self.middleware.log(
             request_id=self.request_id,
             method=method,
@@ -211,6 +220,6 @@ class _Exchange:
             status=self.status,
             ms=round(1000.0 * seconds, 2),
             bytes=self.sent_bytes,
-            client=client[0] if client else "",
+            client=self.client,
             **({"error": error} if error else {}),
         )

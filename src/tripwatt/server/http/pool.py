@@ -16,9 +16,11 @@ from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass
 from typing import Any, Final
+from weakref import WeakValueDictionary
 
 from tripwatt.server.http.problems import Problem
 from tripwatt.server.http.settings import Settings
+from tripwatt.server.http.sharing import CLIENT, Places
 from tripwatt.server.http.worker import prepare, run_in_worker
 
 MAX_ATTEMPTS: Final = 3
@@ -92,8 +94,8 @@ class WorkerPool:
 
     Attributes
     ----------
-    waiting : int
-        Jobs that wait for a worker.
+    places : Places
+        Places in the queue, by client.
     lost : int
         Workers lost since the start.
     """
@@ -101,11 +103,18 @@ class WorkerPool:
     def __init__(self, settings: Settings, log: Callable[..., None]) -> None:
         self.settings = settings
         self.log = log
-        self.waiting = 0
+        self.places = Places(settings.limits.waiting, "too many requests wait", {"Retry-After": "1"})
         self.lost = 0
         self._idle: asyncio.Queue[Worker] = asyncio.Queue()
+        # only the first job of each client waits for a worker itself, so that clients take turns
+        self._lines: WeakValueDictionary[str, asyncio.Lock] = WeakValueDictionary()
         self._workers: set[Worker] = set()
         self._tasks: set[asyncio.Task[Any]] = set()
+
+    @property
+    def waiting(self) -> int:
+        """Number of jobs that wait for a worker."""
+        return self.places.taken.total()
 
     @property
     def ready(self) -> int:
@@ -140,7 +149,7 @@ class WorkerPool:
             `kind` and the parameters of the job, see `Jobs.run`.
         body : bytes
         may_queue : bool
-            Whether the job may wait although `Limits.waiting` jobs wait already.
+            Whether the job may wait although too many jobs of its client wait already.
 
         Raises
         ------
@@ -148,12 +157,12 @@ class WorkerPool:
             `busy` when too many jobs wait, `timeout` when it takes too long, `internal` when its workers are lost.
         """
         limits = self.settings.limits
-        if not may_queue and self.waiting >= limits.waiting:
-            raise Problem("busy", "too many requests wait", headers={"Retry-After": "1"})
         try:
             async with asyncio.timeout(limits.timeout_s):
-                for _ in range(MAX_ATTEMPTS):
-                    worker = await self._next_idle()
+                for attempt in range(MAX_ATTEMPTS):
+                    with self.places.held(may_exceed=may_queue or attempt > 0):
+                        async with self._lines.setdefault(CLIENT.get(), asyncio.Lock()):
+                            worker = await self._idle.get()
                     # a cancelled request leaves the worker with a job that it has to finish
                     task = self._keep_task(self._run_on(worker, limits.timeout_s, run_in_worker, job, body))
                     result = await asyncio.shield(task)
@@ -162,13 +171,6 @@ class WorkerPool:
         except TimeoutError:
             raise Problem("timeout", f"longer than {limits.timeout_s:g} s") from None
         raise Problem("internal", "the computation ended without a result")
-
-    async def _next_idle(self) -> Worker:
-        self.waiting += 1
-        try:
-            return await self._idle.get()
-        finally:
-            self.waiting -= 1
 
     async def _run_on(self, worker: Worker, timeout_s: float, work: Callable[..., Any], *args: Any) -> Any:
         """Run `work` on a worker and return its result; return None if the worker ended, or was killed because it hung."""

@@ -24,6 +24,7 @@ from tripwatt.server.http.openapi import JSON
 from tripwatt.server.http.pool import JobResult, WorkerPool
 from tripwatt.server.http.problems import MEDIA_TYPE, Problem
 from tripwatt.server.http.settings import Settings
+from tripwatt.server.http.sharing import Places
 
 MAX_UPLOADS: Final = 4
 """Most files of logs that arrive and wait to be unpacked; further ones are refused. A choice: each takes up to `Limits.upload_bytes`."""
@@ -134,7 +135,7 @@ def request_id(request: Request) -> str:
 class Bodies:
     """Request bodies that are arriving, with one bound for the sum of their bytes.
 
-    If slow bodies fill the bound, further bodies are refused until the time-out of bodies.
+    If slow bodies fill the share of a client, its further bodies are refused until the time-out of bodies.
 
     Parameters
     ----------
@@ -143,12 +144,12 @@ class Bodies:
 
     Attributes
     ----------
-    arriving : int
-        Bytes received so far of bodies that are not complete.
+    places : Places
+        Bytes received so far of bodies that are not complete, by client.
     """
 
     def __init__(self, most: int) -> None:
-        self.most, self.arriving = most, 0
+        self.places = Places(most, "too many bodies arrive", {**CLOSE, "Retry-After": "2"})
 
     async def read(self, request: Request, media_types: Sequence[str], limit: int, timeout_s: float) -> bytes:
         """Read the body of a request.
@@ -175,19 +176,18 @@ class Bodies:
         try:
             async with asyncio.timeout(timeout_s):
                 async for part in request.stream():
-                    size += len(part)
-                    self.arriving += len(part)
-                    if size > limit:
+                    if size + len(part) > limit:
                         raise Problem("too-large", f"at most {limit} bytes", headers=CLOSE)
-                    if self.arriving > self.most:
-                        raise Problem("busy", "too many bodies arrive", headers={**CLOSE, "Retry-After": "2"})
+                    self.places.require(len(part))
+                    self.places.add(len(part))
+                    size += len(part)
                     parts.append(part)
         except TimeoutError:
             raise Problem("body-late", f"longer than {timeout_s:g} s", headers=CLOSE) from None
         except ClientDisconnect:
             raise Problem("bad-request", "the body is incomplete") from None
         finally:
-            self.arriving -= size
+            self.places.add(-size)
         return b"".join(parts)
 
 
@@ -224,8 +224,7 @@ class Call:
     async def read(self, media_types: Sequence[str] = (JSON,), max_bytes: int | None = None) -> bytes:
         """Read the body for a job; raise the problem `busy` if too many requests wait already."""
         limits = self.service.settings.limits
-        if self.service.pool.waiting >= limits.waiting:
-            raise Problem("busy", "too many requests wait", headers={"Retry-After": "1"})
+        self.service.pool.places.require()
         max_bytes = limits.body_bytes if max_bytes is None else max_bytes
         return await self.service.bodies.read(self.request, media_types, max_bytes, limits.body_timeout_s)
 
