@@ -166,6 +166,28 @@ def test_clients_take_turns_and_each_finds_a_place(monkeypatch: pytest.MonkeyPat
         assert len(ended_s["second"]) == 6, "half of the others"
 
 
+@pytest.mark.parametrize(
+    ("kind", "ends_s"), [("advice", 3.0), ("distance", 3.0), ("plan", 20.0), ("cars.logs", 20.0)]
+)
+def test_the_computing_time_of_a_job_is_bounded_by_its_kind(
+    monkeypatch: pytest.MonkeyPatch, kind: str, ends_s: float
+) -> None:
+    """The worker is replaced at the bound, and the job does not run again on another one."""
+    executors = Executors(monkeypatch, [None], [])
+
+    async def run() -> None:
+        async with running(compute_s=3.0) as pool:
+            with pytest.raises(Problem) as caught:
+                await pool.run({"kind": kind}, b"")
+            assert (caught.value.kind, elapsed_s()) == ("timeout", ends_s)
+            await settled()
+            assert executors.made[0].killed_s == ends_s
+            assert (await pool.run({"kind": kind}, b"")).status == 200
+            assert len(executors.made[1].asked) == 1
+
+    run_jumping(run())
+
+
 def test_a_cancelled_request_leaves_its_worker_usable(monkeypatch: pytest.MonkeyPatch) -> None:
     executors = Executors(monkeypatch, [2.0])
 

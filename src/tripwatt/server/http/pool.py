@@ -26,6 +26,9 @@ from tripwatt.server.http.worker import prepare, run_in_worker
 MAX_ATTEMPTS: Final = 3
 """Most workers that one job may lose (a choice): without a bound, a job that crashes its worker would end all workers."""
 
+LONG: Final = ("cars.", "journey", "plan", "reach", "night", "new_car")
+"""Beginnings of kinds of jobs that may take `Limits.timeout_s`: files of logs, roads of routers, fleets; the others have `Limits.compute_s`."""
+
 CHECK_S: Final = 1.0
 CHECK_TIMEOUT_S: Final = 60.0
 """Time between two checks of idle workers, and longest wait for the answer of one, which a busy machine may delay [s]. Choices."""
@@ -156,7 +159,10 @@ class WorkerPool:
         Problem
             `busy` when too many jobs wait, `timeout` when it takes too long, `internal` when its workers are lost.
         """
-        limits = self.settings.limits
+        limits, clock = self.settings.limits, asyncio.get_running_loop().time
+        longest_s = (
+            limits.timeout_s if job["kind"].startswith(LONG) else min(limits.compute_s, limits.timeout_s)
+        )
         try:
             async with asyncio.timeout(limits.timeout_s):
                 for attempt in range(MAX_ATTEMPTS):
@@ -164,10 +170,12 @@ class WorkerPool:
                         async with self._lines.setdefault(CLIENT.get(), asyncio.Lock()):
                             worker = await self._idle.get()
                     # a cancelled request leaves the worker with a job that it has to finish
-                    task = self._keep_task(self._run_on(worker, limits.timeout_s, run_in_worker, job, body))
-                    result = await asyncio.shield(task)
+                    task = self._keep_task(self._run_on(worker, longest_s, run_in_worker, job, body))
+                    begun_s, result = clock(), await asyncio.shield(task)
                     if result is not None:
                         return JobResult(*result)
+                    if clock() - begun_s >= longest_s:
+                        raise Problem("timeout", f"longer than {longest_s:g} s")
         except TimeoutError:
             raise Problem("timeout", f"longer than {limits.timeout_s:g} s") from None
         raise Problem("internal", "the computation ended without a result")

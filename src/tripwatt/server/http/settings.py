@@ -47,6 +47,8 @@ class Limits:
         Most batches that run at the same time.
     timeout_s : float
         Longest time [s] from the arrival of a request to its response, including the wait for a worker.
+    compute_s : float
+        Longest computing time [s] of a request about one trip or one distance.
     body_timeout_s : float
         Longest time [s] until the body of a request has arrived.
     upload_bytes : int
@@ -73,6 +75,7 @@ class Limits:
     arriving_bytes: int = 256_000_000
     batches: int = 2
     timeout_s: float = 20.0
+    compute_s: float = 10.0
     body_timeout_s: float = 20.0
     upload_bytes: int = 64_000_000
     car_bytes: int = 512_000_000
