@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import json
 import os
 import re
+import subprocess
 import sys
 from collections.abc import Awaitable, Callable, Iterator
 from dataclasses import replace
@@ -200,6 +202,43 @@ def test_all_faults_come_back_in_words(jobs: Jobs, name: str, arguments: dict[st
     assert found.structured_content is None
     for word in words:
         assert word in found.content[0].text
+
+
+def test_a_number_that_is_none_is_not_taken_as_unknown() -> None:
+    """In lines as an assistant may send them: its library reads `NaN` and `1e400`, which are no JSON numbers of ours."""
+    sample = '{"samples": {"time_s": [0, 1, 2], "speed_m_s": [1, 2, 3], "elevation_m": [1, %s, 1]}}'
+    forms = [
+        ("range", '{"soc": 0.8, "ambient_temperature_degc": %s}'),
+        ("need", '{"distance_km": 50.0, "soc": %s}'),
+        ("forecast", '{"links": [{"length_m": 900, "speed_m_s": 14, "grade": %s}]}'),
+        ("forecast", sample),
+    ]
+    cases = [(name, form % value) for value in ("NaN", "Infinity", "-1e400", "null") for name, form in forms]
+    about = (
+        '{"protocolVersion": "2025-06-18", "capabilities": {}, "clientInfo": {"name": "a", "version": "1"}}'
+    )
+    lines = [f'{{"jsonrpc": "2.0", "id": "begin", "method": "initialize", "params": {about}}}']
+    lines.append('{"jsonrpc": "2.0", "method": "notifications/initialized"}')
+    lines += [
+        f'{{"jsonrpc": "2.0", "id": {k}, "method": "tools/call", "params": {{"name": "{name}", "arguments": {arguments}}}}}'
+        for k, (name, arguments) in enumerate(cases)
+    ]
+    command = [sys.executable, "-m", "tripwatt", "mcp"]
+    process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
+    assert process.stdin is not None
+    assert process.stdout is not None
+    answers = {}
+    with process, process.stdin as sent:
+        for line in lines:
+            sent.write(f"{line}\n")
+            sent.flush()
+        while len(answers) < len(cases) + 1:
+            answer = json.loads(process.stdout.readline())
+            answers[answer["id"]] = answer
+    for k, (_, arguments) in enumerate(cases):
+        result = answers[k]["result"]
+        assert result["isError"] == ("null" not in arguments), arguments
+        assert ("not JSON" in result["content"][0]["text"]) == result["isError"]
 
 
 def test_the_command_serves_an_assistant(roads: str, cars: Path) -> None:

@@ -11,7 +11,7 @@ from collections.abc import Iterator
 from contextlib import nullcontext
 from dataclasses import asdict, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Final
+from typing import TYPE_CHECKING, Annotated
 from urllib.parse import urlencode
 
 import typer
@@ -23,9 +23,6 @@ from tripwatt.errors import Check, Fault, InvalidInput, excerpt, raise_faults, r
 
 if TYPE_CHECKING:
     from tripwatt.server.cars import MqttSettings
-
-PASSWORD_VARIABLE: Final = "TRIPWATT_MQTT_PASSWORD"
-"""Environment variable of the broker's password."""
 
 
 def serve(
@@ -126,6 +123,7 @@ def _mqtt_of(
         If the URL is invalid, `_car_and_topic` raises, a car is given twice, or an option has no effect.
     """
     from tripwatt.server.cars import Broker, MqttSettings
+    from tripwatt.server.http.settings import PASSWORD_VARIABLE
 
     with Check() as check:
         broker = check(Broker.from_url, url, os.environ.get(PASSWORD_VARIABLE)) if url else None

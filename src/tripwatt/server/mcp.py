@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable, Mapping
 from typing import Any, Final, Literal, NamedTuple
 
@@ -140,7 +141,8 @@ def make_server(jobs: Jobs, *, changes: bool = False, remote: bool = False) -> S
         try:
             if parameters.name not in offered:
                 raise InvalidInput(Fault.unknown("unknown tool", "name", parameters.name, offered))
-            arguments = orjson.dumps(parameters.arguments or {})
+            # with NaN and Infinity by these names, which are no JSON; orjson would write null, which is unknown
+            arguments = json.dumps(parameters.arguments or {}).encode()
             document = await anyio.to_thread.run_sync(run, parameters.name, arguments, limiter=one_thread)
         except InvalidInput as error:
             return _tool_result(f"{error}", is_error=True)

@@ -18,7 +18,7 @@ import pytest
 import typer.main
 from tests.support.command import answered
 from tests.support.service_fuzz import fuzz
-from tests.support.service_process import Service, serving, wait_for
+from tests.support.service_process import TOKEN, Service, serving, wait_for
 from tests.support.service_schema import PLAIN, conformance
 
 from tripwatt.command import app
@@ -209,6 +209,19 @@ def test_workers_do_not_outlive_the_service(hasty: Service) -> None:
     workers = hasty.workers()
     hasty.process.kill()
     assert wait_for(lambda: not any(map(alive, workers)))
+
+
+def test_workers_get_no_secret(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("TRIPWATT_MQTT_PASSWORD", "of-the-broker")
+    monkeypatch.setenv("TRIPWATT_MQTT", "mqtt://me:of-the-url@127.0.0.1:9")
+    (tmp_path / "logs").mkdir()
+    with serving(
+        tmp_path / "logs", "--workers", "1", "--cars", f"{tmp_path / 'cars'}", token=TOKEN
+    ) as service:
+        found = b"".join(Path(f"/proc/{pid}/environ").read_bytes() for pid in service.workers())
+    assert b"PATH=" in found
+    for secret in (b"of-the-broker", b"of-the-url", TOKEN.encode()):
+        assert secret not in found
 
 
 def test_the_service_conforms_to_its_openapi_document(service: Service) -> None:

@@ -12,7 +12,7 @@ from typing import Final
 
 from tripwatt.errors import Fault, InvalidInput, raise_faults, system_errors
 from tripwatt.server.http.log import JsonHandler, log_json
-from tripwatt.server.http.settings import MIN_TOKEN_LENGTH, TOKEN_VARIABLE, Settings, is_loopback
+from tripwatt.server.http.settings import MIN_TOKEN_LENGTH, SECRETS, TOKEN_VARIABLE, Settings, is_loopback
 
 KEEP_ALIVE_S: Final = 75
 """Time that an idle connection stays open; longer than in common proxies, so that the proxy closes it."""
@@ -103,7 +103,8 @@ def serve(settings: Settings, on_start: Callable[[str], None] = lambda url: None
 
     require_safe(settings)
     os.environ.update(ENVIRONMENT)
-    os.environ.pop(TOKEN_VARIABLE, None)  # workers, which read the files of strangers, do not get it
+    for name in SECRETS:
+        os.environ.pop(name, None)
     app = ProxyHeaders(create_app(settings, log_json), os.environ.get("FORWARDED_ALLOW_IPS", ""))
     with open_socket(settings) as listener:
         config = uvicorn.Config(

@@ -17,6 +17,12 @@ from tripwatt.server.cars import MqttSettings
 TOKEN_VARIABLE: Final = "TRIPWATT_TOKEN"
 """Environment variable of the bearer token."""
 
+PASSWORD_VARIABLE: Final = "TRIPWATT_MQTT_PASSWORD"
+"""Environment variable of the broker's password."""
+
+SECRETS: Final = (TOKEN_VARIABLE, PASSWORD_VARIABLE, "TRIPWATT_MQTT")
+"""Variables that workers, which read the files of strangers, do not get; the URL of a broker may have its password."""
+
 MIN_TOKEN_LENGTH: Final = 16
 """Fewest characters of a token; shorter tokens can be guessed. A choice: 16 random letters have 75 bits."""
 
