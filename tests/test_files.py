@@ -1,5 +1,8 @@
 """Files from outside within bounds, and outputs that are whole at every moment."""
 
+import ast
+import csv
+import io
 import os
 import platform
 import subprocess
@@ -7,11 +10,16 @@ import sys
 import tracemalloc
 from pathlib import Path
 
+import pandas as pd
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from tests.support import ROOT
 
 from tripwatt import files
 from tripwatt.errors import InvalidInput
 from tripwatt.files import (
+    csv_text,
     exchange,
     file_head,
     folder_lock,
@@ -213,3 +221,40 @@ def test_a_new_file_takes_the_place_of_none(
         move_new(tmp_path / "second", tmp_path / "a.csv")
     left = {path.name: path.read_bytes() for path in tmp_path.iterdir() if path.name != "first"}
     assert left == {"a.csv": b"first", "second": b"second"}
+
+
+FORMULA_STARTS = ("=", "+", "-", "@", "\t", "\r", "\n", "\uff1d", "\uff0b", "\uff0d", "\uff20")
+
+
+@given(
+    texts=st.lists(
+        st.text(st.sampled_from("=+-@'\t\r\n\"\uff1d, ;ab1"), max_size=6) | st.none(), min_size=1, max_size=8
+    ),
+    number=st.floats(allow_nan=False, allow_infinity=False),
+    whole=st.integers(-(2**53), 2**53),
+)
+def test_no_cell_of_a_table_is_a_formula_and_all_come_back(
+    texts: list[str | None], number: float, whole: int
+) -> None:
+    """Texts come back without their apostrophe, with one kind of line break, and numbers are those that were written."""
+    table = pd.DataFrame({"=name": texts, "number": number, "whole": whole, "yes": True})
+    for kind in (object, "string", "category"):
+        written = csv_text(table.astype({"=name": kind}))
+        head, *rows = csv.reader(io.StringIO(written, newline=""))
+        assert head == ["'=name", "number", "whole", "yes"]
+        for (cell, *others), text in zip(rows, texts, strict=True):
+            assert not cell.startswith(FORMULA_STARTS)
+            assert cell.removeprefix("'") == (text or "").replace("\r", "\n")
+            assert (float(others[0]), int(others[1]), others[2]) == (number, whole, "True")
+
+
+def test_one_function_writes_tables() -> None:
+    folders = (ROOT / "src", ROOT / "gamm" / "src")
+    writers = {
+        file.name
+        for folder in folders
+        for file in folder.rglob("*.py")
+        for node in ast.walk(ast.parse(file.read_text("utf-8")))
+        if isinstance(node, ast.Attribute) and node.attr in ("to_csv", "to_excel", "to_clipboard")
+    }
+    assert writers == {"files.py"}

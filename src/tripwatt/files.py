@@ -21,12 +21,15 @@ import threading
 import tomllib
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import IO, Any, Final
+from typing import IO, TYPE_CHECKING, Any, Final
 
 from tripwatt.errors import InvalidInput
 
 if sys.platform != "win32":
     import fcntl
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 MAX_FILE_BYTES: Final = 1 << 30
 """Largest file of samples [bytes]: about twenty years of driving at 1 Hz with ten signals."""
@@ -222,6 +225,33 @@ def move_new(file: Path, path: Path) -> None:
 def write_text(path: Path, text: str) -> None:
     """Write a file of text in UTF-8, whole or not at all: see `write_file`."""
     write_bytes(path, text.encode())
+
+
+FORMULAS: Final = ("=", "+", "-", "@", "\uff1d", "\uff0b", "\uff0d", "\uff20", "\t", "\n", "'")
+"""First characters of a text that a spreadsheet may run as a formula or leave out, with the mark before such texts itself."""
+
+
+def csv_text(table: pd.DataFrame) -> str:
+    r"""A table as CSV that a spreadsheet can open: a text that would be a formula has an apostrophe before it. Numbers stay as they are.
+
+    Whoever reads such a table with a program takes one apostrophe off the texts that begin with one.
+
+    Examples
+    --------
+    >>> import pandas as pd
+    >>> csv_text(pd.DataFrame({"driver": ["=1+1", "Ann"], "energy_wh": [-2.5, 1.0]}))
+    "driver,energy_wh\n'=1+1,-2.5\nAnn,1.0\n"
+    """
+
+    def harmless(cell: Any) -> Any:
+        if not isinstance(cell, str):
+            return cell
+        text = cell.replace("\r", "\n")  # a writer of CSV leaves it unquoted, and a reader begins a row there
+        return f"'{text}" if text.startswith(FORMULAS) else text
+
+    texts = table.select_dtypes(exclude=["number", "bool", "datetime", "datetimetz", "timedelta"])
+    safe = table.assign(**{name: texts[name].astype(object).map(harmless) for name in texts})
+    return safe.rename(columns=harmless).to_csv(index=False, lineterminator="\n")
 
 
 def replace_folder(out: Path, write: Callable[[Path], None]) -> None:

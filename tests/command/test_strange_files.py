@@ -16,6 +16,7 @@ from tests.support.command import Answer, answered
 pytest.importorskip("deltalake", reason="needs the extra tripwatt[fleet]")
 
 from tripwatt.command import app
+from tripwatt.sources.sample import sample_trips
 
 LONGEST_S = 5.0
 OF_FILES = ("FILE", "FOLDER", "STORE")
@@ -157,3 +158,43 @@ def test_a_strange_file_ends_a_command_with_one_message(
         assert answer.code == 2, (kind, given, answer.err)
         assert len(answer.err) < 2000, given
         assert f"{place}" in answer.err or any(why in answer.err for why in EARLIER), (given, answer.err)
+
+
+FAKED = "a\nfaked: \x1b[2J\r\u2028b"
+"""A name that fakes a line of output and steers a terminal."""
+
+
+@pytest.mark.parametrize(
+    "command",
+    [
+        ("example-trip", "--out", "{new}"),
+        ("audit", "{file}"),
+        ("audit", "{folder}"),
+        ("audit", "{missing}"),
+        ("audit", "{torn}"),
+        ("forecast", "{file}", "--soc", "0.8"),
+        ("forecast", "{torn}"),
+        ("mapping", "suggest", "{file}"),
+        ("mapping", "suggest", "{file}", "--out", "{new}"),
+        ("mapping", "apply", "{torn}", "--out", "{new}"),
+        ("mapping", "apply", "{file}", "--out", "{folder}"),
+        ("simulate", "{file}", "--vehicle", "bmw_i3_60ah"),
+        ("simulate", "{file}", "--vehicle", "{new}"),
+        ("car", "new", "{car}", "--vehicle", "vw_id3"),
+        ("car", "add", "{car}", "{file}"),
+        ("inspect", "{folder}"),
+        ("example-trip", "--out", "{folder}"),
+    ],
+)
+def test_no_name_of_a_file_fakes_a_line_or_steers_a_terminal(
+    tmp_path: Path, command: tuple[str, ...]
+) -> None:
+    folder = tmp_path / f"folder {FAKED}"
+    folder.mkdir()
+    names = {name: folder / f"{name} {FAKED}.csv" for name in ("file", "torn", "missing", "new", "car")}
+    sample_trips().trips[0].samples.to_csv(names["file"], index=False)
+    names["torn"].write_text("time_s,speed_m_s\n0,1\n0,x\n")
+    answer = answered(*(part.format(folder=folder, **names) for part in command))
+    printed = answer.out + answer.err
+    assert printed.isprintable() or not {*printed} & {"\x1b", "\r", "\u2028"}
+    assert not [line for line in printed.splitlines() if line.startswith("faked")]

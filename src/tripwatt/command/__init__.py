@@ -19,7 +19,8 @@ from typer.core import TyperGroup
 
 import tripwatt
 from tripwatt.command.options import make_group
-from tripwatt.errors import TripwattError, printable
+from tripwatt.command.printing import say
+from tripwatt.errors import TripwattError
 
 __all__ = ["app", "main"]
 
@@ -95,7 +96,7 @@ app = typer.Typer(
 
 def _version(show: bool) -> None:
     if show:
-        typer.echo(f"tripwatt {tripwatt.__version__}")
+        say(f"tripwatt {tripwatt.__version__}")
         raise typer.Exit
 
 
@@ -121,9 +122,9 @@ def main() -> None:
         app(prog_name="tripwatt")
     except TripwattError as error:
         lines = str(error).splitlines()
-        count = f"{len(lines)} faults:\n" if len(lines) > 1 else ""
+        count = [f"{len(lines)} faults:"] if len(lines) > 1 else []
         shown = lines[:MAX_LINES] + ([f"{len(lines) - MAX_LINES} more"] if len(lines) > MAX_LINES else [])
-        _fail(count + "\n".join(shown))
+        _fail(*count, *shown)
     except BrokenPipeError:  # the program that read the output has ended
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         raise SystemExit(1) from None
@@ -137,11 +138,11 @@ def main() -> None:
             _fail(f"the system reports {error}")
         if os.environ.get(TRACEBACK):
             traceback.print_exc()
-        got = printable(f"an error of tripwatt, not of your input: {type(error).__name__}: {error}")[:250]
+        got = f"an error of tripwatt, not of your input: {type(error).__name__}: {error}"[:250]
         fix = f"report it with what the same command prints with {TRACEBACK}=1"
-        _fail(f"{got}; files that were written before are complete; {fix}", UNEXPECTED)
+        _fail(f"{got}; files that were written before are complete; {fix}", code=UNEXPECTED)
 
 
-def _fail(text: str, code: int = 2) -> NoReturn:
-    typer.echo(f"error: {text}", err=True)
+def _fail(first: str, *more: str, code: int = 2) -> NoReturn:
+    say(f"error: {first}", *more, err=True)
     raise SystemExit(code) from None

@@ -17,8 +17,8 @@ from tripwatt.command import shared
 from tripwatt.command.departing import DepartureOf, departure_options
 from tripwatt.command.options import Answer, argument, assignments, flag, option, require_effect
 from tripwatt.command.output import write_text
-from tripwatt.command.printing import console, print_json, print_notes, print_table
-from tripwatt.errors import Check, InvalidInput, places_named, raise_faults
+from tripwatt.command.printing import console, print_json, print_notes, print_table, say
+from tripwatt.errors import Check, InvalidInput, places_named, printable, raise_faults
 from tripwatt.trips.messages import flag_to_dict
 from tripwatt.trips.showing import journey
 
@@ -130,11 +130,11 @@ def _describe(name: str, overrides: list[str]) -> Answer:
     entries = [dict(zip(keys, row, strict=True)) for row in rows]
 
     def shown() -> None:
-        out = console(sys.stdout)
-        out.print(f"{car.title} ({car.name})")
+        say(f"{car.title} ({car.name})")
         for key, value, unit, source, licence in rows:
-            out.print(f"{key} = {value} {'' if unit == '1' else unit}".rstrip())
-            out.print(Padding(f"{source} (licence: {licence})", (0, 0, 0, 4), expand=False))
+            say(f"{key} = {value} {'' if unit == '1' else unit}".rstrip())
+            described = printable(f"{source} (licence: {licence})")
+            console(sys.stdout).print(Padding(described, (0, 0, 0, 4), expand=False))
 
     return Answer({"name": car.name, "title": car.title, "entries": entries}, shown)
 
@@ -201,11 +201,11 @@ def _show_simulation(answer: dict[str, Any]) -> None:
     columns = ("energy", "Wh", "%", "Wh/km")
     title = f"{answer['trip']}: {journey(1000.0 * distance, answer['duration_s'])} with {answer['vehicle']}"
     print_table(title, columns, rows, numbers=columns[1:])
-    shown, error_wh = console(sys.stdout), answer["observed_energy_std_wh"]
+    error_wh = answer["observed_energy_std_wh"]
     if error_wh is not None:
-        shown.print(f"measured: from the state of charge, standard error {error_wh:.0f} Wh")
+        say(f"measured: from the state of charge, standard error {error_wh:.0f} Wh")
     ends = (f"{100.0 * answer[f'soc_at_{end}']:.1f} % at {end}" for end in ("departure", "arrival"))
-    shown.print(f"state of charge: {', '.join(ends)} (simulated)")
+    say(f"state of charge: {', '.join(ends)} (simulated)")
     print_notes(flag["message"] for flag in (*answer["flags"], *answer["notes"]))
 
 
@@ -241,7 +241,7 @@ def export(
         described, known = check(_car, model, vehicle), check(departure)
     car, correction, note = described
     parameters = export_curve(car, service, known, correction=correction)
-    typer.echo(render_query(parameters)) if query else print_json(parameters)
+    say(render_query(parameters)) if query else print_json(parameters)
     print_notes([note])
 
 

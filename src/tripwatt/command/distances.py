@@ -9,13 +9,11 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Final
 
-import typer
-
 import tripwatt as tw
 from tripwatt.command import shared
 from tripwatt.command.departing import Departing
 from tripwatt.command.options import Answer, argument, option
-from tripwatt.command.printing import kwh, print_few_notes, print_table
+from tripwatt.command.printing import kwh, print_few_notes, print_table, say
 from tripwatt.command.sentences import begins
 from tripwatt.errors import InvalidInput
 from tripwatt.trips.showing import period
@@ -101,8 +99,8 @@ def _show_need(result: tw.Need, until: Mapping[str, Any], leaves: dt.datetime | 
     if until["preheat"]:
         rows.append(("preheat", begins(until["preheat"]["before_s"], leaves)))
     print_table(f"{result.distance_m / 1000.0:.1f} km, {result.kind}, {result.car}", ("what", "value"), rows)
-    typer.echo(until["message"])
-    typer.echo(_doubt_in_words(result.doubt))
+    say(until["message"])
+    say(_doubt_in_words(result.doubt))
     print_few_notes(result.flags)
 
 
@@ -136,7 +134,7 @@ def _show_range(result: tw.Range) -> None:
     title = f"Range from {result.soc:.0%} down to {result.reserve:.0%}"
     heads = ("kind of road", "likely", "middle half", "19 of 20 times at least")
     print_table(title, heads, rows, numbers=(heads[1], heads[3]))
-    typer.echo(_doubt_in_words(result.doubt))
+    say(_doubt_in_words(result.doubt))
     print_few_notes(result.flags)
 
 

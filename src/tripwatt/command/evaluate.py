@@ -14,7 +14,7 @@ from tripwatt import trips
 from tripwatt.command import shared
 from tripwatt.command.options import Answer, assignments, flag, option, require_effect
 from tripwatt.command.output import finished_folds, unfinished_folder, write_whole
-from tripwatt.command.printing import console, print_notes, print_table, progress
+from tripwatt.command.printing import console, print_notes, print_table, progress, say
 from tripwatt.errors import Check, Fault, InvalidInput, raise_faults, require_extras
 from tripwatt.files import folder_lock
 
@@ -90,7 +90,7 @@ def evaluate(
             fleet = check(logs.read)
             options["test_fleet"] = test and check(replace(logs, data=test).read)
     fleet = replace(fleet, notes=(*fleet.notes, *note))
-    shown.print(f"{len(fleet)} trips read ({fleet.name})")
+    say(f"{len(fleet)} trips read ({fleet.name})", err=True)
     print_notes(note)
     unfinished = unfinished_folder(out)
     with folder_lock(unfinished):
@@ -100,8 +100,8 @@ def evaluate(
     from tripwatt.study.report import View, short_table
 
     failed = [note for note in run.results["notes"] if " trips scored; " in note]
-    last = "\n".join((*failed, f"Report, with all models and the notes of the run: {out / 'report.html'}"))
-    return Answer(run.results, partial(_show, (short_table(View(run.results)),), last))
+    last = (*failed, f"Report, with all models and the notes of the run: {out / 'report.html'}")
+    return Answer(run.results, partial(_show, (short_table(View(run.results)),), *last))
 
 
 def _names(options: list[str] | None) -> list[str] | None:
@@ -153,14 +153,14 @@ def _run(
     from tripwatt.study.evaluation import evaluate as run_evaluation
 
     if resume and not finished_folds(unfinished):
-        console().print("--resume: this folder has no finished folds; the run starts from the beginning")
+        say("--resume: this folder has no finished folds; the run starts from the beginning", err=True)
     try:
         with progress(console()) as report_progress:
             execution = Execution(jobs, unfinished / "folds", resume, report_progress)
             return run_evaluation(fleet, **options, execution=execution)
     except (KeyboardInterrupt, SystemExit) as stop:
         more = "continue with the same command and --resume"
-        typer.echo(f"interrupted: the finished folds are kept; {more}", err=True)
+        say(f"interrupted: the finished folds are kept; {more}", err=True)
         if isinstance(stop, SystemExit):
             raise
         raise typer.Exit(INTERRUPTED) from None
@@ -182,9 +182,9 @@ def _write(run: EvaluationRun, folder: Path) -> None:
     write_report(run, folder)
 
 
-def _show(tables: tuple[Any, ...], last: str) -> None:
+def _show(tables: tuple[Any, ...], *last: str) -> None:
     """Print the short tables, and where the report is."""
     for table in tables:
         numbers, folding = table.columns[1:], table.columns[3:]
         print_table(table.caption, table.columns, table.rows, numbers=numbers, folding=folding)
-    typer.echo(last)
+    say(*last)

@@ -10,15 +10,13 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-import typer
-
 import tripwatt as tw
 from tripwatt.command import shared
 from tripwatt.command.departing import DepartingNow, time_of
 from tripwatt.command.forecast import show_arrival
 from tripwatt.command.options import Answer, argument, flag, make_group, option
 from tripwatt.command.output import write_text
-from tripwatt.command.printing import console, print_notes, print_table, progress
+from tripwatt.command.printing import console, print_notes, print_table, progress, say
 from tripwatt.command.stores import Store
 from tripwatt.errors import require_extras
 
@@ -126,7 +124,7 @@ def update(fleet: Fleet) -> Answer:
 
 def _show_update(updated: str, change: Mapping[str, Any]) -> None:
     new = f"{change['trips']} new trips, mean error {change['bias']:+.1%}"
-    typer.echo(f"{updated}; {new}, {change['coverage']:.0%} inside the 90 % interval")
+    say(f"{updated}; {new}, {change['coverage']:.0%} inside the 90 % interval")
     drifting = [
         (name, f"{v['trips']}", f"{100.0 * v['bias']:+.1f}", f"{v['z']:+.1f}")
         for name, v in change["vehicles"].items()
@@ -312,13 +310,13 @@ def report(
 def _show_report(result: ManagerReport, folder: Path) -> None:
     for panel in result.panels():
         if not panel.folded:
-            typer.echo(panel.caption)
+            say(panel.caption)
         if panel.key == "changes" and panel.tables:
             (table,) = panel.tables
             numbers = ("more [%]", "trips before", "after")
             print_table(table.caption, table.columns, table.rows, numbers=numbers)
     print_notes(result.notes)
-    typer.echo(f"{folder / 'report.html'}")
+    say(f"{folder / 'report.html'}")
 
 
 def _rows(store: Store, work: Path, on: Workers) -> TripRows:

@@ -9,14 +9,12 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Final
 
-import typer
-
 import tripwatt as tw
 from tripwatt.command import shared
 from tripwatt.command.departing import Departing, DepartingNow
 from tripwatt.command.options import Answer, argument, option
 from tripwatt.command.output import write_text
-from tripwatt.command.printing import kwh, print_few_notes, print_notes, print_table
+from tripwatt.command.printing import kwh, print_few_notes, print_notes, print_table, say
 from tripwatt.command.sentences import (
     begins,
     chance,
@@ -25,6 +23,7 @@ from tripwatt.command.sentences import (
     unknown_climb_in_words,
 )
 from tripwatt.errors import Check, InvalidInput
+from tripwatt.files import csv_text
 from tripwatt.trips.columns import require_fraction
 from tripwatt.trips.showing import period
 from tripwatt.units import M_S_PER_KM_H, SECONDS_PER_MINUTE
@@ -120,9 +119,9 @@ def model_and_trip(paths: list[Path]) -> tuple[Path | None, Path]:
 def show_arrival(forecast: tw.Forecast, subject: str, reserve: float) -> None:
     """Print a forecast for a driver: energy, charge at arrival, the probability to arrive with the reserve."""
     sentences = [forecast_in_words(forecast, subject), *unknown_climb_in_words(forecast, reserve)]
-    typer.echo("\n".join(sentences))
+    say(*sentences)
     chance = chance_to_arrive(forecast, reserve)
-    typer.echo(f"The probability to arrive with {100.0 * reserve:g} % or more is {chance}.")
+    say(f"The probability to arrive with {100.0 * reserve:g} % or more is {chance}.")
 
 
 def _show_forecast(forecast: tw.Forecast, reserve: float, leave: LeaveWith | None) -> None:
@@ -132,8 +131,8 @@ def _show_forecast(forecast: tw.Forecast, reserve: float, leave: LeaveWith | Non
     when = f"after {period(forecast.measured_until_s)}"
     if leave is not None:
         when = "before departure"
-        typer.echo(leave["message"])
-    typer.echo("")
+        say(leave["message"])
+    say("")
     causes = [
         (CAUSE_NAMES.get(cause, cause), kwh(energy, 3, "+"))
         for cause, energy in forecast.by_cause_wh.items()
@@ -157,7 +156,7 @@ def example_trip(
       tripwatt example-trip
     """
     sample = tw.sample_trips()
-    write_text(shared.one_trip(sample.trips, trip).samples.to_csv(index=False, lineterminator="\n"), out)
+    write_text(csv_text(shared.one_trip(sample.trips, trip).samples), out)
     print_notes([f"{out}: {trip} of {sample.citation}"])
 
 
@@ -212,7 +211,7 @@ def advise(
 
 def _show_advice(advice: tw.Advice) -> None:
     arrival, now = 100.0 * advice.forecast.soc_arrival, chance(advice.p_arrive)
-    typer.echo(
+    say(
         f"You arrive with {arrival:.0f} %. The probability of {100.0 * advice.reserve:.0f} % or more is {now}."
     )
     leaves = advice.forecast.plan.departure.departs_at
@@ -224,14 +223,14 @@ def _show_advice(advice: tw.Advice) -> None:
                 if longer_s >= SECONDS_PER_MINUTE / 2.0
                 else ""
             )
-            typer.echo(f"{words[0].upper()}{words[1:]}: {chance(advised.p_arrive)}{longer}.")
+            say(f"{words[0].upper()}{words[1:]}: {chance(advised.p_arrive)}{longer}.")
         if not advice.least:
-            typer.echo("No three actions together are enough.")
+            say("No three actions together are enough.")
         percent = math.ceil(100.0 * advice.charge_to - 1e-6)
         to = f"Charge to {percent} % for a probability of {100.0 * advice.chance:.0f} %."
         full = "A full battery is not enough: plan a stop to charge with `tripwatt plan`."
-        typer.echo(to if advice.charge_to <= 1.0 else full)
-    typer.echo("")
+        say(to if advice.charge_to <= 1.0 else full)
+    say("")
     rows = [
         (
             _in_words(advised, leaves),

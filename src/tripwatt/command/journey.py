@@ -6,14 +6,12 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Final
 
-import typer
-
 import tripwatt as tw
 from tripwatt import trips
 from tripwatt.command import shared
 from tripwatt.command.departing import Departing
 from tripwatt.command.options import Answer, argument, flag, make_group
-from tripwatt.command.printing import kwh, print_notes, print_table
+from tripwatt.command.printing import kwh, print_notes, print_table, say
 from tripwatt.command.sentences import chance, chance_to_arrive, journey_in_words
 from tripwatt.errors import Check
 from tripwatt.trips.showing import period
@@ -143,8 +141,8 @@ def places(
 
 
 def _show(journey: tw.Journey) -> None:
-    typer.echo(f"From {' to '.join(place.described for place in journey.stops)}.")
-    typer.echo("\n".join(journey_in_words(journey)) + "\n")
+    say(f"From {' to '.join(place.described for place in journey.stops)}.")
+    say(*journey_in_words(journey), "")
     words = []
     for plan in journey.ways:
         arrives, keeps = chance(plan.p_arrive), chance(plan.p_reserve)
@@ -168,7 +166,7 @@ def _show(journey: tw.Journey) -> None:
     print_table(f"Ways, given {journey.forecast.given}", columns, rows, numbers=columns[1:5])
     for name, wh in journey.costs_wh.items():
         if abs(wh) >= 1.0:
-            typer.echo(f"{COSTS[name]}: {kwh(wh)}")
+            say(f"{COSTS[name]}: {kwh(wh)}")
     print_notes([*journey.forecast.flags, *journey.flags, journey.attribution])
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import itertools
-import sys
 from dataclasses import asdict
 from functools import partial
 from pathlib import Path
@@ -16,8 +15,9 @@ from tripwatt import trips
 from tripwatt.command import shared
 from tripwatt.command.options import Answer, argument, make_group
 from tripwatt.command.output import write_text
-from tripwatt.command.printing import console, print_notes, print_reading, print_table
+from tripwatt.command.printing import print_notes, print_reading, print_table, say
 from tripwatt.errors import Fault, InvalidInput
+from tripwatt.files import csv_text
 from tripwatt.trips.messages import flag_to_dict
 
 
@@ -55,7 +55,7 @@ def audit(logs: shared.Logs) -> Answer:
             ]
             print_table(title, columns, rows, numbers=columns[1:3], folding=("finding",))
         else:
-            console(sys.stdout).print(f"{title}: no findings")
+            say(f"{title}: no findings")
         print_reading(fleet, result)
 
     return Answer(document, shown)
@@ -119,7 +119,7 @@ def suggest(
         write_text(proposal.toml, out)
 
     def shown() -> None:
-        typer.echo(proposal.toml if out is None else f"{out}: check every line", nl=out is not None)
+        say(*(proposal.toml.splitlines() if out is None else [f"{out}: check every line"]))
         print_notes(f"add {what} by hand" for what in proposal.missing)
 
     return Answer(asdict(proposal), shown, code=bool(proposal.missing))
@@ -151,11 +151,11 @@ def apply(
     samples = wanted.samples
     table = samples[[c for c in trips.COLUMNS if c in samples.columns]].copy()
     table["time_s"] -= table["time_s"].iloc[0]
-    write_text(table.to_csv(index=False, lineterminator="\n"), out)
+    write_text(csv_text(table), out)
     notes = [f"{f.trip}: {f.what} ({f.consequence})" for f in result.findings if f.trip == wanted.trip_id]
 
     def shown() -> None:
-        typer.echo(f"{out}: {len(table)} samples of {wanted.trip_id} with {', '.join(table.columns)}")
+        say(f"{out}: {len(table)} samples of {wanted.trip_id} with {', '.join(table.columns)}")
         print_notes([*notes, *fleet.notes])
 
     document = {"trip": wanted.trip_id, "out": str(out), "samples": len(table), "notes": notes}

@@ -7,13 +7,21 @@ from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
 
-import typer
-
 import tripwatt as tw
 from tripwatt import trips
 from tripwatt.command import shared
 from tripwatt.command.options import Answer, argument, flag, option, require_effect
-from tripwatt.command.printing import change, console, grouped, kwh, print_notes, print_table, progress, share
+from tripwatt.command.printing import (
+    change,
+    console,
+    grouped,
+    kwh,
+    print_notes,
+    print_table,
+    progress,
+    say,
+    share,
+)
 from tripwatt.errors import Check, Fault, InvalidInput, raise_faults
 
 
@@ -59,7 +67,7 @@ def fit(
         with shown.status("reading trips"):
             fleet = check(logs.read)
     fleet = replace(fleet, notes=(*fleet.notes, *note))
-    shown.print(f"{len(fleet.trips)} trips read ({fleet.name})")
+    say(f"{len(fleet.trips)} trips read ({fleet.name})", err=True)
     from tripwatt.forecasting.fitting import fit_with_provenance
     from tripwatt.forecasting.storage import save_model
     from tripwatt.population.adapting import adapt_model
@@ -97,9 +105,9 @@ def _show_fit(fleet: trips.TripSet, out: Path, notes: list[str], figures: dict[s
     how = "adapted to" if figures.get("protocol") == PROTOCOL else "fitted on"
     used, read = figures["trips"], len(fleet.trips)
     unused = f" of {read} (`tripwatt audit` has the reasons)" if used < read else ""
-    typer.echo(f"model: {out}, {how} {used} trips{unused} ({fleet.name})")
+    say(f"model: {out}, {how} {used} trips{unused} ({fleet.name})")
     errors = f"mean error {share(figures['mape'])}, RMSE {kwh(figures['rmse_wh'], 3)}"
-    typer.echo(f"held-out trips: {errors}, {figures['given']}")
+    say(f"held-out trips: {errors}, {figures['given']}")
     print_notes([*grouped(fleet.notes), *notes[len(fleet.notes) :]])
 
 

@@ -11,7 +11,7 @@ from typing import Annotated, Any, Final, NamedTuple
 
 import typer
 
-from tripwatt.command.printing import print_json
+from tripwatt.command.printing import print_json, say
 from tripwatt.errors import Fault, raise_faults
 
 
@@ -102,7 +102,7 @@ class Answer(NamedTuple):
         elif callable(self.shown):
             self.shown()
         else:
-            typer.echo(self.shown)
+            say(self.shown)
         if self.code:
             raise typer.Exit(int(self.code))
 

@@ -8,8 +8,6 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-import typer
-
 import tripwatt as tw
 from tripwatt.command import shared
 from tripwatt.command.options import Answer, argument, make_group, option
@@ -21,9 +19,9 @@ from tripwatt.command.printing import (
     print_reading,
     print_table,
     progress,
+    say,
     share,
 )
-from tripwatt.errors import printable
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -63,7 +61,7 @@ def new(
     """
     created = tw.create_car(car, vehicle, base=base)
     made_of = f"{created.folder}: {created.label}, {created.vehicle.title}, no trips yet"
-    return Answer(created.about, printable(made_of))
+    return Answer(created.about, made_of)
 
 
 def add(
@@ -123,11 +121,11 @@ def show(
 
 
 def _show(about: Mapping[str, Any], table: pd.DataFrame) -> None:
-    who, counted = f"{printable(about['label'])}: {printable(about['title'])}", about["in_diary"]
-    typer.echo(f"{who}, {about['trips']} trips, {counted} in the diary")
+    who, counted = f"{about['label']}: {about['title']}", about["in_diary"]
+    say(f"{who}, {about['trips']} trips, {counted} in the diary")
     print_notes(f"not in the diary: {trip}: {why}" for trip, why in about["left_out"].items())
     if not counted:
-        typer.echo("Add trips with `tripwatt car add`.")
+        say("Add trips with `tripwatt car add`.")
         return
     _show_learned(about)
     _show_scores(about)
@@ -192,13 +190,13 @@ def _done(car: Path, own: Car, done: Learned) -> Answer:
     about = own.about()
 
     def shown() -> None:
-        typer.echo(f"{car}: {done.added} trips added, {done.known} were known, {done.entries} in the diary")
+        say(f"{car}: {done.added} trips added, {done.known} were known, {done.entries} in the diary")
         reasons = (why.partition(": ") for why in done.left_out)
         print_notes(
             f"left out: {group}" for group in group_by_kind((why, trip, 1, trip) for trip, _, why in reasons)
         )
         if done.flat:
-            typer.echo(
+            say(
                 f"{done.flat} of {done.entries} new trips have no heights. Heights narrow the forecasts most: switch on the altitude "
                 "in the app that logs them, or give --elevation for logs with positions."
             )
@@ -210,7 +208,7 @@ def _done(car: Path, own: Car, done: Learned) -> Answer:
 def _show_learned(about: Mapping[str, Any]) -> None:
     latest, published = about["latest"], about["latest_by_book"]
     if latest["trips"]:
-        typer.echo(
+        say(
             f"Last {latest['trips']} trips: mean error {share(published['weighted_error'])} with published values, "
             f"{share(latest['weighted_error'])} with own trips; width of the 90 % interval {share(published['width'])} and "
             f"{share(latest['width'])} of the energy, {share(latest['needed_width'])} would have been enough."

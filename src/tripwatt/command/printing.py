@@ -36,6 +36,15 @@ def console(stream: TextIO | None = None) -> Console:
     return Console(file=stream, width=width, highlight=False, markup=False, emoji=False)
 
 
+def say(*lines: str, err: bool = False) -> None:
+    """Print lines on standard output or error; control characters, also line breaks inside of a line, are printed as escapes."""
+    typer.echo("\n".join(map(_harmless, lines)), err=err)
+
+
+def _harmless(text: str) -> str:
+    return printable(text.replace("\u00a0", " "))
+
+
 def print_json(value: object) -> None:
     """Print one JSON document on standard output; control characters are escaped, so that none reaches a terminal."""
     text = json.dumps(value, allow_nan=False, ensure_ascii=False)
@@ -61,7 +70,7 @@ def print_table(
     from rich.cells import cell_len
     from rich.table import Table
 
-    rows = [[printable(cell.replace("\u00a0", " ")) for cell in row] for row in rows]
+    rows = [[_harmless(cell) for cell in row] for row in rows]
     table = Table(box=SIMPLE, padding=(0, 1, 0, 0), pad_edge=False)
     for column, *cells in zip(columns, *rows, strict=True):
         longest, folds = max(map(cell_len, (column, *cells))), column in folding
@@ -75,7 +84,7 @@ def print_table(
     for row in rows:
         table.add_row(*row)
     shown = console(sys.stdout)
-    shown.print(title)
+    shown.print(_harmless(title))
     # a column that does not fit would be cut: the table is made wide, and the terminal breaks the lines instead
     shown.width = max(shown.width, sum((column.min_width or 0) + PADDING for column in table.columns))
     shown.print(table, crop=False)
@@ -95,16 +104,16 @@ def grouped(flags: Iterable[Flag]) -> list[str]:
 
 def print_reading(fleet: TripSet, result: Audit) -> None:
     """Print on standard error what was read and what was left out, one line for each kind."""
-    shown, report = console(), fleet.report
+    report = fleet.report
     if report is not None and report.files:
-        shown.print(f"{report}")
+        say(f"{report}", err=True)
 
     def amount(distance_m: float, duration_s: float) -> str:
         return f"{distance_m / 1000.0:.1f} km and {duration_s / 3600.0:.1f} h"
 
     used = amount(sum(t.distance_m for t in result.trips), sum(t.duration_s for t in result.trips))
     lost = amount(result.lost_distance_m, result.lost_duration_s)
-    shown.print(f"{len(result.trips)} trips with {used} are used; {lost} are left out")
+    say(f"{len(result.trips)} trips with {used} are used; {lost} are left out", err=True)
     kinds = [] if report is None else [*report.groups()]
     kinds += [group for consequence, group in result.groups() if consequence == "set aside"]
     lines = [*map(str, kinds), *grouped(fleet.notes)]
@@ -119,7 +128,7 @@ def print_notes(notes: Iterable[str | Flag]) -> None:
         text = f"note: {note}"
         if not isinstance(note, str):
             text = f"{'warning' if severity_of(note) == 'warning' else 'note'}: {message(note)}"
-        console().print("\n".join(map(printable, text.splitlines())))
+        say(text, err=True)
 
 
 def print_few_notes(flags: Sequence[Flag]) -> None:

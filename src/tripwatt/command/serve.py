@@ -14,11 +14,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 from urllib.parse import urlencode
 
-import typer
-
 from tripwatt.command import shared
 from tripwatt.command.options import argument, flag, option, require_effect
-from tripwatt.command.printing import print_notes
+from tripwatt.command.printing import print_notes, say
 from tripwatt.errors import Check, Fault, InvalidInput, excerpt, raise_faults, require_extras, system_errors
 
 if TYPE_CHECKING:
@@ -108,8 +106,8 @@ def serve(
     listens = (folders, host, port, workers, token, limits)
     settings = Settings(*listens, atlas, cars, keep_days, prefix, origins, over_mqtt)
     require_safe(settings)
-    hint = "" if atlas.map else "\nFor journeys: tripwatt map build REGION.osm.pbf, then --map map"
-    run(settings, lambda address: typer.echo(f"tripwatt: {address}{hint}"))
+    hint = () if atlas.map else ("For journeys: tripwatt map build REGION.osm.pbf, then --map map",)
+    run(settings, lambda address: say(f"tripwatt: {address}", *hint))
 
 
 def _mqtt_of(
@@ -264,10 +262,8 @@ def demo(
 
         def show(url: str) -> None:
             threading.Thread(target=send, args=(samples, url, token), daemon=True).start()
-            typer.echo(f"tripwatt: {url}/#{link}")
-            typer.echo("The page opens with a real trip; its mode Drive replays it.")
-            typer.echo(
-                "The steering wheel shows it on the road. Your cars, in the field of the car, has the diary."
-            )
+            say(f"tripwatt: {url}/#{link}")
+            say("The page opens with a real trip; its mode Drive replays it.")
+            say("The steering wheel shows it on the road. Your cars, in the field of the car, has the diary.")
 
         serve(replace(settings, port=port), show)

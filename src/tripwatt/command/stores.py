@@ -6,12 +6,10 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import typer
-
 import tripwatt as tw
 from tripwatt.command import shared
 from tripwatt.command.options import Answer, argument, flag, make_group, option
-from tripwatt.command.printing import console, print_notes
+from tripwatt.command.printing import print_notes, say
 from tripwatt.errors import Fault, InvalidInput, grouped, raise_faults
 
 if TYPE_CHECKING:
@@ -99,7 +97,7 @@ def add(
 
     tw.load_vehicle(vehicle)
     vehicle = f"{Path(vehicle).resolve()}" if vehicle.endswith(".toml") else vehicle
-    target, shown = store.opened(), console()
+    target = store.opened()
     try:
         done = add_files(
             target,
@@ -108,7 +106,7 @@ def add(
             vehicle_id=vehicle_id,
             dataset=shared.Logs(data, dataset, mapping).format,
             mapping=mapping,
-            progress=lambda sums: shown.print(f"{sums}"),
+            progress=lambda sums: say(f"{sums}", err=True),
         )
     except InvalidInput as error:
         raise InvalidInput(grouped(error.faults)) from error
@@ -142,7 +140,7 @@ def forget(store: Store, vehicle_id: Annotated[str, option("ID", "The vehicle to
     erased = store.opened().forget(vehicle_id)
 
     def shown() -> None:
-        typer.echo(f"{store.store}: {erased} trips of {vehicle_id} erased")
+        say(f"{store.store}: {erased} trips of {vehicle_id} erased")
         print_notes(
             ["models and reports that were fitted on these trips still contain what was learned from them"]
         )

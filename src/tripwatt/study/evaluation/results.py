@@ -14,6 +14,7 @@ import numpy as np
 import pandas as pd
 
 from tripwatt.errors import Fault, InvalidInput, raise_faults
+from tripwatt.files import csv_text, write_text
 from tripwatt.forecasting.fitting import versions
 from tripwatt.study.evaluation.comparison import Comparison
 from tripwatt.study.evaluation.hold_outs import Prepared
@@ -228,6 +229,6 @@ def write_results(run: EvaluationRun, out: Path) -> None:
     out.mkdir(parents=True, exist_ok=True)
     text = json.dumps(run.results, indent=1, allow_nan=False, default=np.generic.item)
     (out / "results.json").write_text(text + "\n", encoding="utf-8")
-    run.folds.to_csv(out / "folds.csv", index=False)
+    write_text(out / "folds.csv", csv_text(run.folds))
     if run.forecast is not None:
-        run.forecast.to_csv(out / "forecasts.csv", index=False)
+        write_text(out / "forecasts.csv", csv_text(run.forecast))

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 from matplotlib.figure import Figure
 
-from tripwatt.files import write_text
+from tripwatt.files import csv_text, write_text
 from tripwatt.study.report.html import write_page
 from tripwatt.study.report.panel import Panel
 from tripwatt.study.report.style import legend_below, new_figure, style_context
@@ -46,7 +46,7 @@ def write_cars(run: CarsRun, out: Path) -> None:
     versions = ", ".join(f"{name} {version}" for name, version in results["versions"].items())
     page_title, panels = "cars that nobody has seen, each from all others", cars_panels(results)
     write_page(out, "cars.html.jinja", {"": panels}, title=page_title, facts=facts, versions=versions)
-    run.trips.to_csv(out / "trips.csv", index=False, lineterminator="\n")
+    write_text(out / "trips.csv", csv_text(run.trips))
     write_text(out / "results.json", json.dumps(results, indent=1, allow_nan=False))
 
 

@@ -14,7 +14,7 @@ from typing import Any, Final
 import pandas as pd
 
 from tripwatt.errors import Fault
-from tripwatt.files import write_text
+from tripwatt.files import csv_text, write_text
 from tripwatt.fleet import nights
 from tripwatt.fleet.changes import (
     FALSE_CHANGES,
@@ -257,7 +257,7 @@ def _csv_text(table: pd.DataFrame) -> str:
     """Write a table as CSV, with times in ISO 8601 and their offset."""
     times = table.columns.intersection(["departs_at", "arrives_at"])
     texts = {name: table[name].map(lambda time: time.isoformat(timespec="seconds")) for name in times}
-    return table.assign(**texts).to_csv(index=False)
+    return csv_text(table.assign(**texts))
 
 
 _ERROR: Final = (
