@@ -159,5 +159,21 @@ def test_a_safe_name_is_one_part_of_a_path(name: str) -> None:
     assert made == Path(made).name
     assert made.endswith(".csv")
     assert not made.startswith(".")
-    assert len(made) <= 84
+    assert len(made.encode()) <= 164
     assert not set(made) & set('/\\:*?"<>|\0\n')
+
+
+@pytest.mark.parametrize("letter", ["a", "\u00fc", "\u4e00", "\U00020000"])
+def test_names_have_a_largest_number_of_bytes(tmp_path: Path, letter: str) -> None:
+    """80 letters of four bytes are no name of a file: as an upload, and as a member of an archive beside another one."""
+    content = b"time_s,speed_m_s\n0,1\n"
+    packed = io.BytesIO()
+    with zipfile.ZipFile(packed, "w") as archive:
+        for name in (f"{letter * 80}.csv", f"{letter * 200}.csv", "b.csv"):
+            archive.writestr(name, content + name.encode())
+    made = [
+        *unpack(f"{letter * 80}.csv", tmp_path, content=content),
+        *unpack("a.zip", tmp_path, content=packed.getvalue()),
+    ]
+    assert len({*made}) == 4
+    assert all(file.stem.startswith(letter * 40) for file in made[:3])

@@ -151,9 +151,8 @@ def safe_name(name: str, suffix: str) -> str:
     stem = _last_part(name)
     if stem.lower().endswith(suffix):
         stem = stem[: -len(suffix)]
-    stem = re.sub(r"[^\w .+()-]", "_", stem)[:80].strip(
-        " ."
-    )  # with folder and number below the 255 bytes of a name
+    # 160: with number and suffix, and while it is written, below the 255 bytes of a name
+    stem = re.sub(r"[^\w .+()-]", "_", stem).encode()[:160].decode(errors="ignore").strip(" .")
     return f"{stem or 'table'}{suffix}"
 
 

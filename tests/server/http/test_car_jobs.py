@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -88,3 +89,17 @@ def test_progress_is_that_of_its_file(
     if text is not None:
         (place / PROGRESS).write_bytes(text)
     assert read_progress(tmp_path, "good0001") == progress
+
+
+def test_one_of_several_calls_at_once_makes_a_car(tmp_path: Path) -> None:
+    def make(title: str) -> str:
+        try:
+            return f"{CarJobs(tmp_path).create('my leaf', title)['vehicle']}"
+        except Problem as problem:
+            return problem.kind
+
+    with ThreadPoolExecutor(6) as threads:
+        found = sorted(threads.map(make, ["nissan_leaf_24", "vw_id3"] * 3))
+    assert found[0:5] == ["name-taken"] * 5
+    assert found[5] in ("nissan_leaf_24", "vw_id3")
+    assert CarJobs(tmp_path).list()["cars"][0]["vehicle"] == found[5]

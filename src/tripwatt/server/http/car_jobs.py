@@ -116,9 +116,11 @@ class CarJobs:
     def create(self, name: str, vehicle: Vehicle | str) -> dict[str, Any]:
         """Make a car, and return it as `show`."""
         folder = require_folder(self.folder) / folder_name(name)
-        if folder.exists():
+        try:
+            folder.mkdir(mode=0o700)  # of two calls at the same time, one makes it
+        except FileExistsError:
             fault = Fault("name is taken", "name", excerpt(name), "a name that no car has")
-            raise Problem("name-taken", faults=(fault,))
+            raise Problem("name-taken", faults=(fault,)) from None
         return self.show(live.create_car(folder, vehicle, label=name).name)
 
     def forget(self, name: str) -> dict[str, Any]:
