@@ -57,9 +57,9 @@ HASS_PYTHON ?= $(shell for python in python3.14 python3.13 $${PYENV_ROOT:-$$HOME
 
 hass: .venv-hass/.ready .venv-emhass/.ready  ## Home Assistant and EMHASS for their tests, where an index and Python 3.13 are
 
-.venv-tools/.ready:
+.venv-tools/.ready: constraints/tools.txt
 	$(PYTHON) -m venv .venv-tools
-	.venv-tools/bin/python $(PIP_INSTALL) uv
+	.venv-tools/bin/python $(PIP_INSTALL) --no-deps --require-hashes -r constraints/tools.txt
 	touch $@
 
 # The checks of a virtual environment. Types come first: a test checks the types of a script with the same cache.
@@ -96,6 +96,11 @@ constraints: .venv-tools/.ready  ## the newest release of everything into constr
 	$(UV) pip compile --quiet --upgrade --universal --python-version 3.11 --generate-hashes --no-emit-index-url \
 		--no-header --no-annotate --extra service --extra fleet --extra live --extra routing pyproject.toml constraints/build.in \
 		--constraint constraints/check.txt --output-file constraints/map.txt
+	$(UV) pip compile --quiet --upgrade --universal --python-version 3.11 --generate-hashes --no-emit-index-url \
+		--no-header --no-annotate constraints/tools.in --output-file constraints/tools.txt
+	$(UV) pip compile --quiet --upgrade --universal --python-version 3.11 --generate-hashes --no-emit-index-url \
+		--no-header --no-annotate --extra workbooks --extra parquet --extra learners --extra service pyproject.toml constraints/build.in \
+		constraints/core.in --constraint constraints/check.txt --output-file constraints/core.txt
 
 BASE ?= python:3.12-slim
 IMAGE ?= tripwatt
@@ -110,7 +115,6 @@ image:  ## the container for a release: the base image pinned by its digest, whi
 REHEARSAL ?=
 
 release: .venv-check/.ready .venv-tools/.ready  ## sdist, wheel, bills of materials, provenance and notes into dist, tried; REHEARSAL=--rehearsal before a version is set
-	.venv-tools/bin/python $(PIP_INSTALL) cyclonedx-bom twine
 	.venv-check/bin/python -m tools.release $(REHEARSAL)
 
 ADD_ON = out/add-on/tripwatt

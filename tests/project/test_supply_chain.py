@@ -9,6 +9,7 @@ import time
 import tomllib
 import urllib.request
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -16,7 +17,8 @@ from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
 from tests.support import ROOT
 
-FILES = ("check.txt", "service.txt", "map.txt")
+FILES = ("check.txt", "core.txt", "service.txt", "map.txt", "tools.txt")
+WORKFLOWS = sorted((ROOT / ".github" / "workflows").iterdir())
 
 
 def pinned(name: str) -> dict[str, str]:
@@ -69,6 +71,56 @@ def test_gate_and_container_have_what_they_need_in_the_same_versions(
             continue
         assert requirement.specifier.contains(image[canonicalize_name(requirement.name)]), requirement
     assert {package: check.get(package) for package in image} == image
+
+
+def test_the_core_is_tested_in_the_versions_of_the_gate() -> None:
+    check, core = pinned("check.txt"), pinned("core.txt")
+    assert {package: check.get(package) for package in core} == core
+
+
+@pytest.mark.parametrize("file", WORKFLOWS, ids=lambda file: file.name)
+def test_a_workflow_runs_nothing_that_can_change_under_its_name(file: Path) -> None:
+    """Actions are named by their commits, packages by their hashes; the workflow may only read."""
+    text = file.read_text()
+    used = re.findall(r"uses: *(.*)", text)
+    assert used
+    for action in used:
+        assert re.fullmatch(r"[\w.-]+/[\w./-]+@[0-9a-f]{40} # v\d+\.\d+\.\d+", action), action
+    for line in re.findall(r"run:.*pip install.*", text):
+        assert "--require-hashes" in line or "--no-deps --no-build-isolation" in line, line
+    assert re.findall(r"permissions:\n((?:  .*\n)+)", text) == ["  contents: read\n"]
+
+
+def test_the_gate_runs_on_linux_and_the_core_elsewhere() -> None:
+    systems = {
+        system
+        for file in WORKFLOWS
+        for system in ("ubuntu", "macos", "windows")
+        if f"{system}-latest" in file.read_text()
+    }
+    assert systems == {"ubuntu", "macos", "windows"}
+
+
+def test_tools_are_installed_by_their_hashes() -> None:
+    text = (ROOT / "Makefile").read_text()
+    (rule,) = re.findall(r"^\.venv-tools/\.ready:.*\n(?:\t.*\n)+", text, re.MULTILINE)
+    assert "--require-hashes -r constraints/tools.txt" in rule
+    assert not re.search(r"venv-tools/bin/python .*install(?!.*--require-hashes)", text)
+    assert {"uv", "twine", "cyclonedx-bom"} <= {*pinned("tools.txt")}
+
+
+def test_a_part_that_is_missing_fails_the_hosted_gate(tmp_path: Path) -> None:
+    (tmp_path / "bin").mkdir()
+    for name in ("dirname", "id", "env"):
+        (tmp_path / "bin" / name).symlink_to(f"{shutil.which(name)}")
+    environment = {"PATH": f"{tmp_path / 'bin'}", "EVERY_PART": "1"}
+    bash = f"{shutil.which('bash')}"
+    found = subprocess.run(
+        [bash, ".ci/run"], cwd=ROOT, env=environment, capture_output=True, text=True, check=False, timeout=60
+    )
+    assert (found.returncode, found.stdout) == (1, "no chromium: the tests of the page are skipped\n")
+    assert 'EVERY_PART: "1"' in (ROOT / ".github" / "workflows" / "check.yml").read_text()
+    assert not re.search(r'echo ".*skipped', (ROOT / ".ci" / "run").read_text())
 
 
 def test_the_container_installs_nothing_without_a_hash_and_runs_as_nobody() -> None:
