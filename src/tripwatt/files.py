@@ -250,7 +250,7 @@ def csv_text(table: pd.DataFrame) -> str:
         return f"'{text}" if text.startswith(FORMULAS) else text
 
     texts = table.select_dtypes(exclude=["number", "bool", "datetime", "datetimetz", "timedelta"])
-    safe = table.assign(**{name: texts[name].astype(object).map(harmless) for name in texts})
+    safe = table.assign(**{f"{name}": texts[name].astype(object).map(harmless) for name in texts})
     return safe.rename(columns=harmless).to_csv(index=False, lineterminator="\n")
 
 
