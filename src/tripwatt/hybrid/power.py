@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any, ClassVar, Final, Self
 
 import numpy as np
@@ -343,11 +343,11 @@ class LearnerCorrector(PowerCorrector):
         return table.features[list(self.features)]
 
 
+@dataclass(eq=False, repr=False)
 class EnsembleCorrector(PowerCorrector):
     """Mean of several correctors; the uncertainty is that of the first."""
 
-    def __init__(self, members: Sequence[PowerCorrector]) -> None:
-        self.members = tuple(members)
+    members: Sequence[PowerCorrector]
 
     def fit(self, table: SegmentTable) -> Self:
         """Fit each member.
@@ -456,6 +456,7 @@ DRIVE_TREE_FEATURES: Final = tuple(
 )
 
 
+@dataclass(eq=False, repr=False)
 class SplitCorrector(PowerCorrector):
     """One corrector for climate control and one for driving, or a joint one if too few trips log climate control.
 
@@ -477,18 +478,13 @@ class SplitCorrector(PowerCorrector):
         Whether climate control and driving are corrected separately.
     """
 
-    def __init__(
-        self,
-        climate: PowerCorrector,
-        drive: PowerCorrector,
-        joint: PowerCorrector,
-        split: bool | None = None,
-    ) -> None:
-        self.climate = climate
-        self.drive = drive
-        self.joint = joint
-        self.split = split
-        self.split_ = bool(split)
+    climate: PowerCorrector
+    drive: PowerCorrector
+    joint: PowerCorrector
+    split: bool | None = None
+
+    def __post_init__(self) -> None:
+        self.split_ = bool(self.split)
 
     def fit(self, table: SegmentTable) -> Self:
         """Fit climate control to the trips that log it, then driving to the remaining residual of all trips."""

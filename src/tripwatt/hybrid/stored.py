@@ -227,8 +227,6 @@ def _corrector_values(corrector: PowerCorrector, converter: Converter) -> dict[s
     if isinstance(corrector, SplitCorrector):
         parts = {"climate": corrector.climate, "drive": corrector.drive}
         return {"kind": kind, **{name: _corrector_values(part, converter) for name, part in parts.items()}}
-    if isinstance(corrector, EnsembleCorrector):
-        return {"kind": kind, "members": [_corrector_values(m, converter) for m in corrector.members]}
     return {"kind": kind, **converter.unstructure(corrector)}
 
 
@@ -241,8 +239,6 @@ def _corrector(values: Mapping[str, Any], converter: Converter) -> PowerCorrecto
     if kind == "split":
         climate, drive = (_corrector(inner[name], converter) for name in ("climate", "drive"))
         return SplitCorrector(climate, drive, drive, True)
-    if kind == "ensemble":
-        return EnsembleCorrector([_corrector(member, converter) for member in inner["members"]])
     corrector: PowerCorrector = converter.structure(inner, KINDS[kind])
     return corrector
 
