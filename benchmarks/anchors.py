@@ -21,8 +21,7 @@ from tools.docs import pages
 
 from benchmarks.measure import Row
 from tripwatt.arrays import FloatArray
-from tripwatt.certification.anchoring import ROAD_LOAD, errors
-from tripwatt.certification.consumption import CertifiedFigure
+from tripwatt.certification.consumption import ROAD_LOAD, CertifiedFigure, errors
 from tripwatt.vehicles import Vehicle, load_vehicle, vehicle_from_document, vehicle_names
 from tripwatt.vehicles.anchors import CLASS, Anchor, anchors
 from tripwatt.vehicles.catalogue import catalogue

@@ -21,8 +21,7 @@ from tools.data.anchoring import (
 )
 from tools.docs import pages
 
-from tripwatt.certification.anchoring import ROAD_LOAD, errors
-from tripwatt.certification.consumption import driven_wh_per_km
+from tripwatt.certification.consumption import ROAD_LOAD, driven_wh_per_km, errors
 from tripwatt.vehicles import load_vehicle
 from tripwatt.vehicles.anchors import anchors
 from tripwatt.vehicles.losses import motor_loss

@@ -139,7 +139,7 @@ def test_the_car_with_induction_machines_meets_its_certificate() -> None:
     from benchmarks.anchors import unanchored
     from tools.data.anchoring import certified_figures
 
-    from tripwatt.certification.anchoring import errors
+    from tripwatt.certification.consumption import errors
 
     car = unanchored("audi_e_tron_55")
     assert abs(float(errors(car, certified_figures("audi_e_tron_55", car)).mean())) < 0.08

@@ -19,19 +19,17 @@ from typing import Final, cast
 import numpy as np
 
 from tripwatt.arrays import FloatArray
-from tripwatt.certification.anchoring import (
+from tripwatt.certification.consumption import (
     FACTORS,
     GEARBOX,
     ROAD_LOAD,
+    SCHEDULE_DENSITY_DEGC,
+    CertifiedFigure,
     closing_factor,
+    driven_wh_per_km,
     errors,
     road_parts,
     with_road_load,
-)
-from tripwatt.certification.consumption import (
-    SCHEDULE_DENSITY_DEGC,
-    CertifiedFigure,
-    driven_wh_per_km,
     wltp_test_mass,
 )
 from tripwatt.physics.road_load import air_density

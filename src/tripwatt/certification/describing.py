@@ -13,20 +13,18 @@ from typing import Any, Final, cast
 
 import numpy as np
 
-from tripwatt.certification.anchoring import (
+from tripwatt.certification.consumption import (
     FACTORS,
     GEARBOX,
     ROAD_LOAD,
-    closing_factor,
-    errors,
-    road_parts,
-    with_road_load,
-)
-from tripwatt.certification.consumption import (
     CertifiedFigure,
     charging_efficiency,
+    closing_factor,
     driven_wh_per_km,
+    errors,
+    road_parts,
     schedule,
+    with_road_load,
     wltp_test_mass,
 )
 from tripwatt.errors import Fault, InvalidInput, raise_faults
