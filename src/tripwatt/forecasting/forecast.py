@@ -12,7 +12,7 @@ import pandas as pd
 
 from tripwatt.arrays import FloatArray, running_sum
 from tripwatt.errors import InvalidInput
-from tripwatt.forecasting.along import Along, Arrival, F, at_fractions, distance_below
+from tripwatt.forecasting.along import Along, Arrival, F, Trajectories, at_fractions, distance_below
 from tripwatt.forecasting.difference import Difference, Shared, sd_between
 from tripwatt.forecasting.document import (
     ARRIVAL_LEVELS,
@@ -35,7 +35,6 @@ from tripwatt.forecasting.measured import (
     since_departure,
 )
 from tripwatt.forecasting.plausible import battery_wh, contradicts_energy, implausible_faults
-from tripwatt.forecasting.trajectories import Trajectories
 from tripwatt.forecasting.update import updated_power
 from tripwatt.parallel import one_blas_thread
 from tripwatt.routes.links import FLAT_ROAD
