@@ -80,9 +80,8 @@ def read_file(
     """
     try:
         with open_regular(Path(path)) as stream:
-            size = max(
-                os.fstat(stream.fileno()).st_size, 1 << 16
-            )  # files that the system makes up have size 0
+            # files that the system makes up have size 0
+            size = max(os.fstat(stream.fileno()).st_size, 1 << 16)
             content = stream.read(min(size, max_bytes) + 1)  # allocates this memory before it reads
     except (OSError, ValueError) as error:
         got = getattr(error, "strerror", None) or str(error)

@@ -192,9 +192,8 @@ def _read_metadata(path: Path) -> dict[str, Any]:
     blanked = raw.replace(f'"sha256": "{digest}"'.encode(), f'"sha256": "{_BLANK}"'.encode(), -1)
     with _damage(path / METADATA, "name, SHA-256 and bytes of each part, and the SHA-256 of all"):
         _require_digest(blanked, digest)
-        for about in document[
-            "parts"
-        ].values():  # a digest is no signature: altered metadata may have a right one
+        # a digest is no signature: altered metadata may have a right one
+        for about in document["parts"].values():
             if not (isinstance(about["sha256"], str) and isinstance(about["bytes"], int)):
                 raise TypeError(f"parts {excerpt(document['parts'])}")
     return document

@@ -24,9 +24,8 @@ from tripwatt.arrays import FloatArray, eigen
 from tripwatt.errors import Fault, InvalidInput, raise_faults
 
 _JITTER: Final = 1e-8
-_INDUCING: Final = (
-    10  # most inducing points of a term in one column; terms in several columns have four times as many
-)
+# most inducing points of a term in one column; terms in several columns have four times as many
+_INDUCING: Final = 10
 _LOG_SD: Final = 3.0  # standard deviation of the log-normal prior of each variance around its start
 
 

@@ -203,9 +203,8 @@ def condition_cabins(tasks: Sequence[CabinTask]) -> list[CabinRun]:
     speeds = [task.mean_speeds(own) for task, own in zip(tasks, edges, strict=True)]
     controls = [control_values(task.climate, task.ambient_temperature_degc, task.start) for task in tasks]
     keys = [(control, own.tobytes()) for control, own in zip(controls, speeds, strict=True)]
-    first = {
-        key: number for number, key in reversed([*enumerate(keys)])
-    }  # a drive on several grades needs one cabin
+    # a drive on several grades needs one cabin
+    first = {key: number for number, key in reversed([*enumerate(keys)])}
     steps = control_steps([controls[i] for i in first.values()], [speeds[i] for i in first.values()])
     run_of = dict(zip(first, steps, strict=True))
     return [task.run(own, *run_of[key]) for task, own, key in zip(tasks, edges, keys, strict=True)]
