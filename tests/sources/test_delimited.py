@@ -21,8 +21,8 @@ from tripwatt.sources.delimited import open_delimited
         (b"time_s,speed,name\n0,fast,a\n\n1,2,\xfc\n", [-1, 2], ["a", "ü"], ["not a number: row 2"]),
         (
             b"time_s,speed,name\n0,1,a\n1,2\n\n2,3,c,x\n3,1e99,d\n",
-            [1, 2, 3, -1],
-            ["a", "", "c", "d"],
+            [1, 2, -1, -1],
+            ["a", "", "", "d"],
             ["wrong number of columns: row 3", "wrong number of columns: row 5", "number out of range: row 6"],
         ),
         (b"time_s,speed,name\n0,1,a\n1,2,b\n2,", [1, 2, -1], ["a", "b", ""], ["wrong number of columns: row 4"]),

@@ -10,7 +10,7 @@ import csv
 import io
 import re
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final
@@ -21,6 +21,7 @@ import pandas as pd
 from tripwatt.arrays import FloatArray, IntArray, number_in
 from tripwatt.errors import Fault, InvalidInput, and_more, excerpt
 from tripwatt.files import read_file
+from tripwatt.sources.grouping import MARKS, group_separator, may_be_grouped, unclear_fault, use_of
 from tripwatt.sources.mapping import UNITS
 from tripwatt.trips.headers import DELIMITERS
 
@@ -37,6 +38,7 @@ MAX_SECTIONS: Final = 2000
 SHOWN_ROWS: Final = 5
 """Number of rows listed for one kind of fault in one column; the others are counted."""
 NULL_TEXTS: Final = ("", "NaN", "nan", "NAN", "NA", "N/A", "n/a", "null", "NULL", "None", "-nan", "#N/A", "-")
+_IN_TWO_CELLS: Final = re.compile(r"(?<![^,])[+-]?[1-9]\d{0,2},0\d\d(?:\.\d*)?(?![^,])")
 _DECIMAL_COMMA: Final = re.compile(r"[+-]?\d+,\d+")
 _UNITS: Final = frozenset().union(*UNITS.values())
 _VALUE: Final = re.compile(r"[-+]?[.,]?\d[-+\d.,:/ eETZ]*")
@@ -217,7 +219,7 @@ def even_rows(source: Delimited) -> tuple[Delimited, IntArray, list[Fault]]:
     """Give every row as many cells as the header. O(bytes).
 
     Blank lines are left out. Surplus cells on the right are removed. Cells that the logger left out at the end become empty cells. A
-    row that was cut off in the middle becomes an empty row.
+    row that was cut off in the middle, or is longer because of commas in its numbers, becomes an empty row.
 
     Returns
     -------
@@ -231,7 +233,7 @@ def even_rows(source: Delimited) -> tuple[Delimited, IntArray, list[Fault]]:
     Raises
     ------
     InvalidInput
-        When every row has more cells than the header: it is unknown which cells belong to which column.
+        When every row, or many rows divided by commas, have more cells than the header: it is unknown to which column they belong.
     """
     width, delimiter = _body_width(source), source.delimiter
     body = source.data[source.body_offset :].rstrip(b"\n")
@@ -256,13 +258,24 @@ def even_rows(source: Delimited) -> tuple[Delimited, IntArray, list[Fault]]:
     faults = [*_row_faults(source, [(source.header_line + 1 + i, uneven[i]) for i in listed], width)]
     if is_cut:
         faults.append(_cut_off_fault(source, source.header_line + len(lines), width, cells[len(lines) - 1]))
-    if uneven and len(uneven) == len(filled) and min(uneven.values()) > width:
+    longer = {i: cells[i] for i, length in uneven.items() if length > width}
+    shifted = longer if delimiter == "," and not _is_appended(longer, filled) else {}
+    # 0.05: largest share of rows with commas in their numbers with which the other rows are used
+    if len(longer) == len(filled) or len(shifted) > max(0.05 * len(filled), SHOWN_ROWS):
         raise InvalidInput(faults)
     for i, row in cells.items():
-        kept = row[:width] if len(row) >= width or len(row) in usual else []
+        kept = row[:width] if i not in shifted and (len(row) >= width or len(row) in usual) else []
         lines[i] = line_of([*kept, *[""] * (width - len(kept))], delimiter)
     body = b"\n".join(lines[i] for i in filled)
     return replace(source, data=body, body_offset=0), source.header_line + 1 + np.array(filled), faults
+
+
+def _is_appended(longer: Mapping[int, Sequence[str]], filled: Sequence[int]) -> bool:
+    """Whether the surplus cells of longer rows are those of a column that the logger added, from some row to the end of the file."""
+    is_tail = [*longer] == [*filled][len(filled) - len(longer) :]
+    # 1,012 is one number in two cells: a number of its own has no leading zero
+    in_two = any(_IN_TWO_CELLS.search(",".join(row)) for row in longer.values())
+    return is_tail and len({len(row) for row in longer.values()}) == 1 and not in_two
 
 
 def _is_plain_grid(body: bytes, delimiter: str, width: int) -> bool:
@@ -341,17 +354,41 @@ def read_numbers(
     try:
         table = _parsed(source, wanted, dtype=np.float64, na_values=NULL_TEXTS, decimal=decimal)
         columns = [table[i].to_numpy() for i in wanted]
-        if all(np.nanmax(np.abs(values), initial=0.0) <= LARGEST_NUMBER for values in columns):
+        is_small = all(np.nanmax(np.abs(values), initial=0.0) <= LARGEST_NUMBER for values in columns)
+        doubtful = [i for i, values in zip(wanted, columns, strict=True) if may_be_grouped(values)]
+        # 100: number of first rows, of which one mostly shows that the separator begins decimals
+        heads = read_texts(_first_rows(source, 100), doubtful)
+        if is_small and all(use_of(cells, decimal) == "decimal" for cells in heads):
             return columns, []
     except ValueError:  # a cell that is not a number
         pass
     columns, faults = [], list[Fault]()
     for position, cells in zip(wanted, read_texts(source, wanted), strict=True):
-        values, bad = numbers_of(cells, decimal)
+        separator = group_separator(cells, lambda: _decimals(source))
+        if separator is None:
+            filled = [cell for cell in cells if cell not in NULL_TEXTS]
+            faults.append(unclear_fault(f"{source.path} column {source.names[position]!r}", filled))
+            columns.append(np.full(len(cells), np.nan))
+            continue
+        # a separator of groups is left out; the other one begins decimals, if there are any
+        plain = [cell.replace(separator, "") for cell in cells] if separator else cells
+        values, bad = numbers_of(plain, MARKS.get(separator, decimal))
         columns.append(values)
         place = f"{source.path} row {{}} column {source.names[position]!r}"
         faults += _cell_faults([(place.format(line_numbers[i]), cells[i]) for i in bad], decimal)
     return columns, faults
+
+
+def _first_rows(source: Delimited, rows: int) -> Delimited:
+    lines = source.data[source.body_offset :].split(b"\n", rows)[:rows]
+    return replace(source, data=b"\n".join(lines), body_offset=0)
+
+
+def _decimals(source: Delimited) -> set[str]:
+    """The separators that begin decimals in some column of a file."""
+    # 1000: number of first rows that are looked at
+    columns = read_texts(_first_rows(source, 1000), range(len(source.names)))
+    return {mark for mark in MARKS if any(use_of(cells, mark) == "decimal" for cells in columns)}
 
 
 def numbers_of(cells: Sequence[str], decimal: str) -> tuple[FloatArray, list[int]]:
@@ -430,7 +467,9 @@ def _row_faults(source: Delimited, rows: Sequence[tuple[int, int]], width: int) 
     for line, length in rows[:SHOWN_ROWS]:
         comma = source.delimiter == "," and length > width
         fix = (
-            "export with a decimal point, or with ';' between columns" if comma else "mend or delete the row"
+            "export with a decimal point, without separators of thousands, or with ';' between columns"
+            if comma
+            else "mend or delete the row"
         )
         yield Fault(what, f"{source.path} row {line}", f"{length}", f"{width}", fix)
     unlisted = len(rows) - SHOWN_ROWS
