@@ -314,6 +314,13 @@ def test_fifty_metres_beside_a_cut_are_a_drive():
 def test_a_car_that_does_not_move_makes_no_drive():
     parked = jagged(300).assign(speed_m_s=0.0)
     assert audit([log(parked)]).set_aside == {"Log": "the car did not move"}
+
+
+def test_speeds_that_no_car_reaches_in_the_time_are_those_of_another_unit_of_time():
+    """Kiloseconds read as seconds: a drive of 15 minutes lasts 0.9 s."""
+    samples = drive()
+    (why,) = audit([log(samples.assign(time_s=samples.time_s / 1000.0))]).set_aside.values()
+    assert why.endswith("km/h in 0.9 s: the unit of time is wrong")
     twice = gapped(150, 150).assign(speed_m_s=0.0)
     result = audit([log(twice)])
     assert [f[3] for f in told(result)] == ["trimmed", "set aside"]

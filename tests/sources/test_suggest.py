@@ -311,3 +311,35 @@ def test_the_unit_of_an_unlisted_current_and_speed_counts(tmp_path) -> None:
     (log,) = read_table(file).logs
     assert log.array("current_a") == pytest.approx(d.i.to_numpy())
     assert log.array("speed_m_s") == pytest.approx(d.v.to_numpy())
+
+
+def test_a_time_as_torque_writes_it_and_minutes_of_a_spreadsheet_are_read(tmp_path) -> None:
+    d = drive(1000)
+    for name, form in (("GPS Time", "%a %b %d %H:%M:%S GMT+01:00 %Y"), ("time", "%M:%S.%f")):
+        shifted = d.assign(t=d.t + 3000.0)  # minutes pass the full hour
+        table = {name: stamps(shifted, form), "Speed (km/h)": d.v * 3.6, "U (V)": d.u, "I (A)": d.i}
+        file = tmp_path / "drive.csv"
+        pd.DataFrame(table).to_csv(file, index=False)
+        (log,) = read_table(file).logs
+        assert log.array("time_s").tolist() == d.t.tolist()
+
+
+@pytest.mark.parametrize(
+    ("name", "cells", "words"),
+    [
+        ("Speed (km/h)", ["03. Jan", "12. Mrz"], "a spreadsheet made dates of the numbers"),
+        ("Time (s)", ["start", "later"], "seconds that increase"),
+        ("Time (s)", [7, 7], "seconds that increase"),
+    ],
+)
+def test_a_column_that_is_there_and_does_not_fit_is_named_with_its_first_cell(
+    tmp_path, name, cells, words
+) -> None:
+    d = drive()
+    table = {"Time (s)": d.t, "Speed (km/h)": d.v * 3.6, "U (V)": d.u, "I (A)": d.i} | {name: cells * 350}
+    pd.DataFrame(table).to_csv(tmp_path / "drive.csv", index=False)
+    with pytest.raises(InvalidInput) as caught:
+        read_table(tmp_path / "drive.csv")
+    text = f"{caught.value}"
+    assert f"column does not fit: {tmp_path}/drive.csv column {name!r}: got '{cells[0]}'" in text
+    assert words in text

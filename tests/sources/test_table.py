@@ -359,3 +359,11 @@ def test_a_log_whose_first_positions_are_missing_is_simulated_on_the_heights_tha
     climbed_m = 1000.0 * (latitude[-1] - latitude[30])
     mass_kg = load_vehicle("vw_id3").body.test_mass_kg
     assert run.by_cause_wh["climb"] == pytest.approx(mass_kg * 9.81 * climbed_m / 3600.0, rel=0.1)
+
+
+def test_the_standard_error_of_a_charge_that_stands_still_is_at_most_the_energy(tmp_path: Path) -> None:
+    table = driven()
+    sample = pd.DataFrame({"Time (s)": table.iloc[:, 0], "Speed (m/s)": 10.0, "soc": 80})
+    sample.to_csv(tmp_path / "drive.csv", index=False)
+    notes = read_table(tmp_path / "drive.csv", vehicle=load_vehicle("bmw_i3_60ah")).notes
+    assert [note.value for note in notes if note.code == "energy_from_soc"] == [1.0]

@@ -216,6 +216,11 @@ def _legs(trip: Recorded, samples: pd.DataFrame, cuts: Sequence[Cut]) -> tuple[l
             findings.append(between(piece, trip.trip_id, 0, -1, what, "trimmed"))
     if not driven:
         what = "the car did not move" if not cuts else "no part of the log with a moving car is left"
+        speed, time = array(samples, "speed_m_s"), array(samples, "time_s")
+        fastest, lasts = float(np.nanmax(speed, initial=0.0)), float(np.ptp(time))
+        # 10 m/s²: more than the hardest braking on a road
+        if fastest > 10.0 * max(lasts, 0.1):
+            what = f"speeds of up to {3.6 * fastest:.0f} km/h in {lasts:.3g} s: the unit of time is wrong"
         findings.append(whole(samples, trip.trip_id, what, "set aside"))
     legs = []
     for number, (first, piece) in enumerate(driven, start=1):

@@ -31,7 +31,8 @@ def clock_only(form: str) -> bool:
 def seconds_of(texts: pd.Series, form: str) -> FloatArray:
     """Convert time stamps in a format (ISO 8601 if it is empty) to seconds since 1970; NaN if a text is no time stamp.
 
-    Times of day without a date are counted from the first one, and a fall by more than half a day is a midnight.
+    Times of day without a date are counted from the first one, and a fall by more than half a day is a midnight; of minutes and
+    seconds alone, as spreadsheets show them, a fall by more than half an hour is a full hour.
 
     Examples
     --------
@@ -45,8 +46,9 @@ def seconds_of(texts: pd.Series, form: str) -> FloatArray:
     if not clock_only(form):
         return values
     known = np.isfinite(values)
-    midnight = running_sum(np.diff(values[known]) < -0.5 * SECONDS_PER_DAY)
-    values[known] += SECONDS_PER_DAY * midnight - values[known][:1].sum()
+    period = SECONDS_PER_DAY if re.search("%[HI]", form) else SECONDS_PER_HOUR
+    full = running_sum(np.diff(values[known]) < -0.5 * period)
+    values[known] += period * full - values[known][:1].sum()
     return values
 
 

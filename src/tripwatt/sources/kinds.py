@@ -10,7 +10,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from tripwatt.errors import Fault, InvalidInput, or_none
+from tripwatt.errors import Fault, InvalidInput, or_none, raise_faults
 from tripwatt.files import file_head, parse_toml
 from tripwatt.physics.battery import open_circuit_voltage, usable_energy_wh
 from tripwatt.sources.columnar import PARQUET, open_table, table_files
@@ -20,6 +20,9 @@ from tripwatt.sources.raw_files import NEEDED
 from tripwatt.sources.suggest import Suggestion, suggest_mapping
 from tripwatt.trips import COLUMNS
 from tripwatt.vehicles import Vehicle
+
+MEASURED: Final = frozenset((POWER, ENERGY, "current_a", "soc", "displayed_soc"))
+"""Columns of which one is needed for the energy."""
 
 HEAD_BYTES: Final = 1 << 16
 """Number of first bytes of a file that are read for its header."""
@@ -141,6 +144,9 @@ def _with_mapping(kind: Kind, files: Sequence[Path], vehicle: Vehicle | None, ch
         tables |= {"trip": {"column": trip["column"]}} if "column" in trip else {}
         tables, assumed = _changed(tables, changes, vehicle)
         kind = replace(kind, tables=tables, proposal=proposal, assumed=assumed)
+        present = tables["columns"].keys()
+        if proposal is not None and not (set(NEEDED) <= present and MEASURED & present):
+            raise_faults(proposal.unfit)
         return replace(kind, mapping=mapping_from_tables(tables, "the proposed mapping"))
     except InvalidInput as error:
         return replace(kind, faults=error.faults)

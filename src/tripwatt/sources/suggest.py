@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import contextlib
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final
@@ -16,8 +16,8 @@ from typing import Final
 import numpy as np
 import pandas as pd
 
-from tripwatt.arrays import BoolArray, FloatArray
-from tripwatt.errors import Fault, InvalidInput, or_none
+from tripwatt.arrays import BoolArray, FloatArray, number_in
+from tripwatt.errors import Fault, InvalidInput, and_more, excerpt, or_none
 from tripwatt.sources.clocks import clock_only, decide_format
 from tripwatt.sources.columnar import TableFile, open_table, stamp_texts, table_files
 from tripwatt.sources.delimited import column_key
@@ -48,6 +48,12 @@ DAY_FORMATS: Final = ("%Y-%m-%d", "%Y/%m/%d", "%d.%m.%Y", "%m/%d/%Y", "%d/%m/%Y"
 
 HOLD_S: Final = 10
 
+MEASURED_FLOW: Final = (POWER, "voltage_v", "current_a")
+FITTING: Final[Mapping[str, str]] = {
+    "time_s": "seconds that increase, or times such as 2024-05-31T08:15:00",
+    "speed_m_s": "numbers of a speed",
+}
+"""Our column -> the cells that it can have."""
 
 OWN_NAME: Final = "canonical name"
 NAME_AND_UNIT: Final = "name and unit match"
@@ -80,6 +86,8 @@ class Suggestion:
         Name of a shipped mapping whose columns the table has.
     unused : tuple of str
         Columns of the table that were not recognised.
+    unfit : tuple of Fault
+        Columns that by their names are time, speed, power, voltage or current, and whose cells are not.
     """
 
     toml: str
@@ -87,6 +95,7 @@ class Suggestion:
     missing: tuple[str, ...]
     shipped: str | None
     unused: tuple[str, ...] = ()
+    unfit: tuple[Fault, ...] = ()
 
 
 def suggest_mapping(path: Path | str, names: Sequence[str] = (), beside: Sequence[Path] = ()) -> Suggestion:
@@ -150,7 +159,8 @@ def suggest_mapping(path: Path | str, names: Sequence[str] = (), beside: Sequenc
         sections["trip"].append(f"vehicle = {_quote(vehicle)}  # {count} in this file")
     used = {g.column for g in guesses.values()} | keys
     unused = [n for n in dict.fromkeys(table.names) if n and n not in used]
-    return _suggestion(path, guesses, sections, _missing(guesses), unused, shipped)
+    suggestion = _suggestion(path, guesses, sections, _missing(guesses), unused, shipped)
+    return replace(suggestion, unfit=tuple(_unfit(path, table, columns, guesses)))
 
 
 def _of_signals(path: Path, table: TableFile, mapping: ColumnMapping) -> Suggestion:
@@ -263,6 +273,29 @@ def _by_name(table: TableFile, columns: Mapping[str, FloatArray], trip: str | No
                 taken.add(name)
                 break
     return guesses
+
+
+def _unfit(
+    path: Path, table: TableFile, columns: Mapping[str, FloatArray], guesses: Mapping[str, Guess]
+) -> Iterator[Fault]:
+    """A fault for each signal that is missing although columns have its name: the first cell of each that does not fit."""
+    for ours in (ours for ours in ("time_s", "speed_m_s", *MEASURED_FLOW) if ours not in guesses):
+        for name in candidates(ours, [n for n in table.names if n]):
+            cells = [text for text in table.texts(name) if text]
+            wrong = [text for text in cells if np.isnan(number_in(text.replace(",", ".")))]
+            got = excerpt((wrong or cells or [""])[0]) + and_more(wrong or cells)
+            is_date = any(
+                re.fullmatch(r"\d{1,2}[. -]+[^\W\d]{3,}\.?|[^\W\d]{3,}[. -]+\d{1,2}", text) for text in wrong
+            )
+            fix = (
+                "a spreadsheet made dates of the numbers: export them again, without opening them in it"
+                if is_date
+                else ""
+            )
+            if name not in columns or ours in ("time_s", "speed_m_s"):
+                yield Fault(
+                    "column does not fit", f"{path} column {name!r}", got, FITTING.get(ours, "numbers"), fix
+                )
 
 
 def _stamped(table: TableFile, name: str) -> Guess | None:

@@ -252,7 +252,7 @@ def _fleet_notes(logs: Sequence[Log], files: Sequence[RawFile]) -> Iterator[Flag
     for volts in {m.nominal_voltage_v for m in mappings if {POWER, "current_a"} & set(m.columns)} - {None}:
         yield Flag("nominal_voltage", "table", volts, "V")
     shares = [
-        log.observed_energy_std_wh / max(abs(log.observed_energy_wh or 0.0), 1e-9)
+        log.observed_energy_std_wh / max(abs(log.observed_energy_wh or 0.0), log.observed_energy_std_wh, 1e-9)
         for log in logs
         if log.observed_energy_std_wh is not None and not log.has("voltage_v", "current_a")
     ]
