@@ -1,6 +1,7 @@
 """Proposals for tables with all kinds of headers: what is proposed reads the same drive, or says what to check."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -8,12 +9,14 @@ import pandas as pd
 import pytest
 
 from tripwatt.errors import InvalidInput
+from tripwatt.physics.battery import usable_energy_wh
 from tripwatt.sources.mapping import parse_mapping
 from tripwatt.sources.suggest import suggest_mapping
 from tripwatt.sources.table import read_table
 from tripwatt.study.synthetic import synthetic_fleet
 from tripwatt.trips import Trip
 from tripwatt.trips.messages import message
+from tripwatt.vehicles import load_vehicle
 
 AMBIENT_DEGC, HEIGHT_M = 11.0, 320.0
 Columns = dict[str, object]
@@ -343,3 +346,47 @@ def test_a_column_that_is_there_and_does_not_fit_is_named_with_its_first_cell(
     text = f"{caught.value}"
     assert f"column does not fit: {tmp_path}/drive.csv column {name!r}: got '{cells[0]}'" in text
     assert words in text
+
+
+CAR = load_vehicle("bmw_i3_60ah")
+
+
+def with_charge(power: pd.Series, time: pd.Series, name: str, capacity_kwh: float) -> Columns:
+    """A state of charge in percent that falls with the energy of a power, from 90 %."""
+    used_wh = (
+        np.concatenate(([0.0], np.cumsum(0.5 * (power[1:].to_numpy() + power[:-1].to_numpy())))) / 3600.0
+    )
+    return {name: 90.0 - used_wh / capacity_kwh / 10.0}
+
+
+@pytest.mark.parametrize(("factor", "right"), [(1.0, True), (0.36, False), (3.6, False), (-1.0, True)])
+@pytest.mark.parametrize("every", [1, 12])
+def test_an_energy_that_the_charge_contradicts_is_a_fault_of_the_log(tmp_path, factor, right, every) -> None:
+    """Too small, too large, or of the wrong sign where rows are too rare to see accelerations."""
+    d = drive(3000)
+    power = d.u * d.i
+    charge = with_charge(power, d.t, "SoC (%)", usable_energy_wh(CAR.battery) / 1000.0)
+    table = {"Time (s)": d.t, "Speed (km/h)": d.v * 3.6, "HV kW": factor * power / 1000.0, **charge}
+    pd.DataFrame(table)[::every].to_csv(tmp_path / "drive.csv", index=False)
+    if not right:
+        with pytest.raises(InvalidInput, match=r"energy contradicts state of charge: .*drive\.csv"):
+            read_table(tmp_path / "drive.csv", vehicle=CAR)
+        return
+    (log,) = read_table(tmp_path / "drive.csv", vehicle=CAR).logs
+    true_wh = float(np.trapezoid(power[::every], d.t[::every])) / 3600.0
+    assert log.observed_energy_wh == pytest.approx(true_wh, rel=0.02)
+
+
+@pytest.mark.parametrize("name", ["SoC BMS (%)", "bms_soc", "SoC (%)", "soc_display"])
+@pytest.mark.parametrize("beside", [{}, {"displayed SoC": 2.5}])
+def test_percent_of_the_battery_management_are_of_the_whole_battery(tmp_path, name, beside) -> None:
+    d = drive(3000)
+    power = d.u * d.i
+    is_whole = "bms" in name.lower() or ("display" not in name and bool(beside))
+    beside = {} if "display" in name else beside
+    whole = replace(CAR.battery, displayed_zero_soc=0.0, displayed_full_soc=1.0)
+    kwh = usable_energy_wh(whole if is_whole else CAR.battery) / 1000.0
+    table = {"Time (s)": d.t, "Speed (km/h)": d.v * 3.6, **with_charge(power, d.t, name, kwh), **beside}
+    pd.DataFrame(table).to_csv(tmp_path / "drive.csv", index=False)
+    (log,) = read_table(tmp_path / "drive.csv", vehicle=CAR).logs
+    assert log.observed_energy_wh == pytest.approx(float(np.trapezoid(power, d.t)) / 3600.0, rel=0.01)

@@ -16,6 +16,7 @@ from tripwatt.physics.battery import open_circuit_voltage, usable_energy_wh
 from tripwatt.sources.columnar import PARQUET, open_table, table_files
 from tripwatt.sources.delimited import column_key, first_row, open_delimited
 from tripwatt.sources.mapping import ENERGY, POWER, ColumnMapping, load_mapping, mapping_from_tables
+from tripwatt.sources.naming import words
 from tripwatt.sources.raw_files import NEEDED
 from tripwatt.sources.suggest import Suggestion, suggest_mapping
 from tripwatt.trips import COLUMNS
@@ -23,6 +24,8 @@ from tripwatt.vehicles import Vehicle
 
 MEASURED: Final = frozenset((POWER, ENERGY, "current_a", "soc", "displayed_soc"))
 """Columns of which one is needed for the energy."""
+
+_OF_WHOLE_BATTERY: Final = r"\b(bms|real|actual|absolute|raw|gross)\b"
 
 HEAD_BYTES: Final = 1 << 16
 """Number of first bytes of a file that are read for its header."""
@@ -172,10 +175,19 @@ def _changed(
             # voltage
             open_circuit_voltage(np.array([0.5]), vehicle.battery)[0]
         )
-    elif vehicle is not None and not measured and {"soc", "displayed_soc"} & columns.keys():
-        assumed["usable_capacity_kwh"] = usable_energy_wh(vehicle.battery) / 1000.0
-    if assumed:
-        tables["battery"] = tables.get("battery", {}) | assumed
+    charge = {"soc", "displayed_soc"} & columns.keys()
+    capacity = {}
+    if vehicle is not None and charge:
+        battery = vehicle.battery
+        # percent of the battery management are of the whole battery, those of a display of its usable part
+        if len(charge) == 2 or re.search(
+            _OF_WHOLE_BATTERY, words(columns[min(charge, key=len)].get("column", ""))
+        ):
+            battery = replace(battery, displayed_zero_soc=0.0, displayed_full_soc=1.0)
+        capacity["usable_capacity_kwh"] = usable_energy_wh(battery) / 1000.0
+        assumed |= {} if measured else capacity
+    if assumed or capacity:  # the capacity also checks a measured energy
+        tables["battery"] = tables.get("battery", {}) | capacity | assumed
     return tables, assumed
 
 

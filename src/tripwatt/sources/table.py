@@ -172,12 +172,18 @@ def _decide_together(files: Sequence[RawFile]) -> None:
     for file in files:
         convert_times(file)
     by_column = [file for file in files if file.mapping.long_name is None]
-    for group in _shared(by_column, "speed_m_s"):
+    timed = [file for file in by_column if "speed_m_s" in file.values]
+    for group in by_key(timed, lambda file: file.entries["speed_m_s"]).values():
         # 40: number of files, the largest ones, whose positions and odometer are used to find the unit of
         # speed
         largest = sorted(group, key=lambda file: -file.rows)[:40]
-        mapped = group[0].entries["speed_m_s"].unit
+        column, mapped = group[0].entries["speed_m_s"].column, group[0].entries["speed_m_s"].unit
         unit = speed_unit_of(mapped, [_distances_of_file(file) for file in largest])
+        if unit != mapped and unit_in("speed_m_s", column) is not None:
+            for file in group:
+                where, got = f"{file.path} column {column!r}", f"values in {unit} by positions or odometer"
+                file.leave_out([Fault("speed contradicts distance", where, got, f"values in {mapped}")])
+            continue
         use_unit(group, "speed_m_s", unit)
         for high in _shared(group, "elevation_m") if mapped != unit == "mph" else ():
             use_unit(high, "elevation_m", "ft")
@@ -213,11 +219,15 @@ def _logs(drives: Sequence[RawDrive]) -> list[Log]:
         members = [k for k, drive in enumerate(drives) if drive.files[0].kind == kind]
         mapping = drives[members[0]].files[0].mapping
         correlations = [c for k in members if (c := _correlation(logs[k])) is not None]
-        if not correlations or float(np.median(correlations)) >= WRONG_SIGN:
+        by_charge = _energy_by_charge([logs[k] for k in members], mapping)
+        is_wrong = float(np.median(correlations)) < WRONG_SIGN if correlations else by_charge < 0.0
+        if not is_wrong:
+            _leave_out_contradicting([drives[k] for k in members], by_charge)
             continue
         name = (mapping.columns.get("current_a") or mapping.columns[POWER]).column
         stated, right = ("discharge", "charge") if mapping.discharge_sign > 0 else ("charge", "discharge")
         got = f"the car would charge while it accelerates in most of {len(correlations)} trips"
+        got = got if correlations else "the battery would charge while its state of charge falls"
         allowed = f'[current] positive = "{right}" in place of "{stated}"'
         fix = f"change it in {mapping.source}"
         fault = Fault("current has the wrong sign", f"column {name!r}", got, allowed, fix)
@@ -225,10 +235,39 @@ def _logs(drives: Sequence[RawDrive]) -> list[Log]:
         for k in members:
             drives[k].files[0].mapping = replace(mapping, discharge_sign=-mapping.discharge_sign)
             logs[k] = log_of(drives[k])
-    for drive in drives:
+        by_charge = _energy_by_charge([logs[k] for k in members], drives[members[0]].files[0].mapping)
+        _leave_out_contradicting([drives[k] for k in members], by_charge)
+    used = [all(file.values for file in drive.files) for drive in drives]
+    for drive in (drive for drive, is_used in zip(drives, used, strict=True) if is_used):
         for file in drive.files:
             file.logs += 1
-    return logs
+    return [log for log, is_used in zip(logs, used, strict=True) if is_used]
+
+
+def _energy_by_charge(logs: Sequence[Log], mapping: ColumnMapping) -> float:
+    """Measured energy over that of the change of the state of charge, in the median of the logs; 1 if they cannot be compared."""
+    ratios = []
+    for log in logs if mapping.usable_capacity_kwh is not None else ():
+        charge = next((log.array(name) for name in ("soc", "displayed_soc") if log.has(name)), np.zeros(0))
+        charge = charge[np.isfinite(charge)]
+        # 0.05: smallest change of the state of charge that is compared: five steps of a percent
+        # 60.0: a log of less than a minute has a wrong unit of time, which the audit names
+        is_long = len(charge) > 0 and log.duration_s >= 60.0 and log.has("voltage_v", "current_a")
+        if is_long and abs(charge[0] - charge[-1]) >= 0.05:
+            by_charge = 1000.0 * (mapping.usable_capacity_kwh or 0.0) * float(charge[0] - charge[-1])
+            ratios.append((log.observed_energy_wh or 0.0) / by_charge)
+    return float(np.median(ratios)) if ratios else 1.0
+
+
+def _leave_out_contradicting(drives: Sequence[RawDrive], by_charge: float) -> None:
+    """Leave out the files of drives whose energy is far from that of their state of charge."""
+    # 0.5, 2.0: no ageing of a battery and no reserve of its charge explains such a ratio
+    if 0.5 <= by_charge <= 2.0:
+        return
+    got = f"{by_charge:.3g} of the energy of the change of the state of charge"
+    fix = "check the unit of power or current in the mapping, and the car"
+    for file in {id(file): file for drive in drives for file in drive.files}.values():
+        file.leave_out([Fault("energy contradicts state of charge", f"{file.path}", got, "0.5 to 2", fix)])
 
 
 def _correlation(log: Log) -> float | None:
