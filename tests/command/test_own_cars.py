@@ -39,3 +39,21 @@ def test_a_folder_without_tiles_is_refused(run: Run, tmp_path: Path) -> None:
     refused = run("car", "add", car.folder, tmp_path, "--elevation", tmp_path)
     assert refused.code != 0
     assert "no elevation tiles" in refused.err
+
+
+@pytest.mark.parametrize("factor", [0.37, 1.0, 3.0])
+def test_an_energy_that_the_car_cannot_take_is_held_back(run: Run, tmp_path: Path, factor: float) -> None:
+    """Whole files in a wrong unit are not learned, unless the user asks for it."""
+    for log in synthetic_fleet(3).logs:
+        samples = log.samples.drop(columns=["soc", "displayed_soc"], errors="ignore")
+        samples = samples.assign(current_a=factor * samples["current_a"])
+        samples.to_csv(tmp_path / f"{log.trip_id}.csv", index=False)
+    car = create_car(tmp_path / "car", VEHICLE)
+    (tmp_path / "logs").mkdir()
+    for file in tmp_path.glob("*.csv"):
+        file.rename(tmp_path / "logs" / file.name)
+    first = run("car", "add", car.folder, tmp_path / "logs")
+    assert ("implausible energy" in first.err) == (factor != 1.0)
+    assert len(open_car(car.folder).diary) == (3 if factor == 1.0 else 0)
+    assert run("car", "add", car.folder, tmp_path / "logs", "--implausible").code == 0
+    assert len(open_car(car.folder).diary) == 3

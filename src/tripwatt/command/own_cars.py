@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict
 from functools import partial
 from pathlib import Path
+from statistics import median
 from typing import TYPE_CHECKING, Annotated, Any
 
 import tripwatt as tw
 from tripwatt.command import shared
-from tripwatt.command.options import Answer, argument, make_group, option
+from tripwatt.command.options import Answer, argument, flag, make_group, option
 from tripwatt.command.printing import (
     change,
     console,
@@ -22,11 +23,14 @@ from tripwatt.command.printing import (
     say,
     share,
 )
+from tripwatt.errors import Fault, or_none, raise_faults
 
 if TYPE_CHECKING:
     import pandas as pd
 
     from tripwatt.server.cars import Car, Learned
+    from tripwatt.trips import Trip
+    from tripwatt.vehicles import Vehicle
 
 
 CarArgument = Annotated[Path, argument("CAR", "Folder of the car, made by `tripwatt car new`.")]
@@ -70,12 +74,14 @@ def add(
     mapping: shared.Columns = None,
     elevation: shared.Tiles = None,
     strict: shared.Strict = False,
+    implausible: Annotated[bool, flag("--implausible", "Learn also from an implausible energy.")] = False,
 ) -> Answer:
     """Add trips: each is forecast before the car learns from it; forecast and trip go into the diary.
 
     The command keeps the logs as they are, audits them, and adapts the model to the sound trips. A trip that is there
     already is not added again, so you can repeat the command with a growing folder. Without --mapping, header and values of
-    the files tell what each column is. What cannot be read is left out and reported.
+    the files tell what each column is. What cannot be read is left out and reported. If most trips took far more or less
+    energy than the car can take, nothing is added.
 
     For example:
 
@@ -96,10 +102,29 @@ def add(
         options["heights"] = Elevation.from_folder(elevation).at
     with progress(shown, "files") as advance:
         fleet = shared.Logs(data, "table", mapping, strict).read(progress=advance, **options)
-    print_reading(fleet, tw.audit(fleet))
+    audited = tw.audit(fleet)
+    print_reading(fleet, audited)
+    if not implausible:
+        raise_faults(_energy_faults(data, opened.vehicle, audited.trips))
     with progress(shown, "trips") as advance:
         done = opened.add(fleet, progress=advance)
     return _done(car, opened, done)
+
+
+def _energy_faults(data: Path, vehicle: Vehicle, trips: Sequence[Trip]) -> Iterator[Fault]:
+    """A fault if the measured energy of most trips is not one that the car can take on them."""
+    from tripwatt.physics.batch import trip_totals
+
+    longest = sorted(trips, key=lambda trip: -trip.distance_m)[:100]  # 100: more trips hardly move the median
+    totals = or_none(trip_totals, ((vehicle, trip) for trip in longest)) or {}
+    pairs = zip(longest, totals.get("energy_wh", ()), strict=False)
+    ratios = [(trip.observed_energy_wh or 0.0) / energy_wh for trip, energy_wh in pairs if energy_wh > 0.0]
+    ratio = median(ratios) if ratios else 1.0
+    # 0.4, 2.5: neither weather nor load nor a wrong car of the same class explains such an energy
+    if not 0.4 <= ratio <= 2.5:
+        got, allowed = f"{ratio:.3g} times the energy of {vehicle.title}", "0.4 to 2.5 times, in most trips"
+        fix = "check the units of power and speed, and the car; --implausible learns the trips as they are"
+        yield Fault("implausible energy", f"{data}", got, allowed, fix)
 
 
 def show(
