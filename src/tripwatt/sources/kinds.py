@@ -16,16 +16,15 @@ from tripwatt.physics.battery import open_circuit_voltage, usable_energy_wh
 from tripwatt.sources.columnar import PARQUET, open_table, table_files
 from tripwatt.sources.delimited import column_key, first_row, open_delimited
 from tripwatt.sources.mapping import ENERGY, POWER, ColumnMapping, load_mapping, mapping_from_tables
-from tripwatt.sources.naming import words
+from tripwatt.sources.naming import vocabulary, words
+from tripwatt.sources.proposal import Suggestion
 from tripwatt.sources.raw_files import NEEDED
-from tripwatt.sources.suggest import Suggestion, suggest_mapping
+from tripwatt.sources.suggest import suggest_mapping
 from tripwatt.trips import COLUMNS
 from tripwatt.vehicles import Vehicle
 
 MEASURED: Final = frozenset((POWER, ENERGY, "current_a", "soc", "displayed_soc"))
 """Columns of which one is needed for the energy."""
-
-_OF_WHOLE_BATTERY: Final = r"\b(bms|real|actual|absolute|raw|gross)\b"
 
 HEAD_BYTES: Final = 1 << 16
 """Number of first bytes of a file that are read for its header."""
@@ -180,9 +179,8 @@ def _changed(
     if vehicle is not None and charge:
         battery = vehicle.battery
         # percent of the battery management are of the whole battery, those of a display of its usable part
-        if len(charge) == 2 or re.search(
-            _OF_WHOLE_BATTERY, words(columns[min(charge, key=len)].get("column", ""))
-        ):
+        name = re.sub(r"\W", " ", columns[min(charge, key=len)].get("column", ""))
+        if len(charge) == 2 or re.search(vocabulary()["whole"], words(name)):
             battery = replace(battery, displayed_zero_soc=0.0, displayed_full_soc=1.0)
         capacity["usable_capacity_kwh"] = usable_energy_wh(battery) / 1000.0
         assumed |= {} if measured else capacity

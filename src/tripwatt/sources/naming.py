@@ -12,6 +12,7 @@ from typing import Any, Final
 from tripwatt.files import shipped_toml
 from tripwatt.sources.mapping import UNITS
 
+_OTHER_WATTS: Final = ("mw", "dw", "cw", "µw", "gw", "va", "kva")
 _SHOWN: Final = re.compile(r"[(\[]\s*display(ed)?\s*[)\]]", re.IGNORECASE)
 
 
@@ -94,7 +95,8 @@ def may_hold(ours: str, label: str) -> bool:
         return True
     # a single letter at the end of a name may be no unit, as in "sensor a"
     units = [unit for unit in _units_in(label) if len(unit) > 1 or label.rstrip()[-1:] in "])}"]
-    return not any(unit in known for unit in units for known in UNITS.values())
+    # "dW", "MW": a power in a unit that is not read
+    return not any(unit in known for unit in units for known in (*UNITS.values(), _OTHER_WATTS))
 
 
 def is_excluded(ours: str, name: str) -> bool:

@@ -9,7 +9,7 @@ from __future__ import annotations
 import contextlib
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Final
 
@@ -24,7 +24,6 @@ from tripwatt.sources.delimited import column_key
 from tripwatt.sources.evidence import (
     FURTHEST_KG,
     SINCE_1970,
-    STAND_IN_V,
     Flow,
     Guess,
     best_flow,
@@ -38,15 +37,15 @@ from tripwatt.sources.naming import (
     column_names,
     is_excluded,
     is_something_else,
+    may_hold,
     unit_in,
     unit_named,
     words,
 )
+from tripwatt.sources.proposal import Suggestion, missing_entries, quoted, sections_of, suggestion_of
 from tripwatt.trips import COLUMNS
 
 DAY_FORMATS: Final = ("%Y-%m-%d", "%Y/%m/%d", "%d.%m.%Y", "%m/%d/%Y", "%d/%m/%Y", "%d-%m-%Y", "%m-%d-%Y", "%d.%m.%y", "%m/%d/%y", "%d/%m/%y", "%Y%m%d", "%d-%b-%Y")  # fmt: skip
-
-HOLD_S: Final = 10
 
 MEASURED_FLOW: Final = (POWER, "voltage_v", "current_a")
 FITTING: Final[Mapping[str, str]] = {
@@ -63,39 +62,8 @@ AS_SHIPPED: Final = "as in the shipped mapping"
 _TRIP_NAME: Final = re.compile(
     r"^(trip|drive|journey|fahrt|ride|route|session|segment|track)( ?(id|no|nr|num|number|name|uid|uuid|index|idx))?$"
 )
+_DATE_OF_NUMBER: Final = re.compile(r"\d{1,2}[. -]+[^\W\d]{3,}\.?|[^\W\d]{3,}[. -]+\d{1,2}")
 _VEHICLE_NAME: Final = re.compile(r"^(vin|(vehicle|veh|car|fahrzeug)( ?(id|no|nr|num|name|uid|vin))?)$")
-SPELLED: Final[Mapping[str, str]] = {
-    unit.lower(): unit
-    for unit in ("V", "mV", "kV", "A", "mA", "dA", "W", "kW", "PS", "degC", "degF", "K", "Nm")
-} | {"c": "degC", "f": "degF", "kmh": "km/h", "kph": "km/h"}
-"""Unit in lower case -> usual spelling."""
-
-
-@dataclass(frozen=True, slots=True)
-class Suggestion:
-    """A proposed mapping.
-
-    Attributes
-    ----------
-    toml : str
-        The mapping as a text to be saved, with the reason in each line.
-    guesses : tuple of Guess
-    missing : tuple of str
-        What has to be added by hand before the mapping can be used.
-    shipped : str or None
-        Name of a shipped mapping whose columns the table has.
-    unused : tuple of str
-        Columns of the table that were not recognised.
-    unfit : tuple of Fault
-        Columns that by their names are time, speed, power, voltage or current, and whose cells are not.
-    """
-
-    toml: str
-    guesses: tuple[Guess, ...]
-    missing: tuple[str, ...]
-    shipped: str | None
-    unused: tuple[str, ...] = ()
-    unfit: tuple[Fault, ...] = ()
 
 
 def suggest_mapping(path: Path | str, names: Sequence[str] = (), beside: Sequence[Path] = ()) -> Suggestion:
@@ -151,15 +119,15 @@ def suggest_mapping(path: Path | str, names: Sequence[str] = (), beside: Sequenc
         guesses.pop(POWER, None)
     guesses = {ours: guesses[ours] for ours in column_names() if ours in guesses}
     guesses = _with_american_check(_with_speed_unit(guesses, flow))
-    sections = _sections(guesses, flow, columns, decimal)
+    sections = sections_of(guesses, flow, columns, decimal)
     if trip:
-        sections["trip"].append(f"column = {_quote(trip)}")
+        sections["trip"].append(f"column = {quoted(trip)}")
     if vehicle:
         count = len(set(table.texts(vehicle)) - {""})
-        sections["trip"].append(f"vehicle = {_quote(vehicle)}  # {count} in this file")
+        sections["trip"].append(f"vehicle = {quoted(vehicle)}  # {count} in this file")
     used = {g.column for g in guesses.values()} | keys
     unused = [n for n in dict.fromkeys(table.names) if n and n not in used]
-    suggestion = _suggestion(path, guesses, sections, _missing(guesses), unused, shipped)
+    suggestion = suggestion_of(path, guesses, sections, missing_entries(guesses), unused, shipped)
     return replace(suggestion, unfit=tuple(_unfit(path, table, columns, guesses)))
 
 
@@ -190,12 +158,12 @@ def _of_signals(path: Path, table: TableFile, mapping: ColumnMapping) -> Suggest
             guesses[ours] = Guess(ours, likely[0], unit, NAME_AND_UNIT)
     sections = {
         "current": ['positive = "discharge"'],
-        "long": [f"name = {_quote(mapping.long_name or '')}", f"value = {_quote(mapping.long_value or '')}"],
+        "long": [f"name = {quoted(mapping.long_name or '')}", f"value = {quoted(mapping.long_value or '')}"],
         "file": [f"hold_s = {mapping.hold_s:g}"],
     }
     unused = [signal for signal in signals if signal not in {guess.column for guess in guesses.values()}]
     always = [ours for ours, entry in mapping.columns.items() if not entry.optional]
-    return _suggestion(path, guesses, sections, missing, unused, mapping.source, always=always)
+    return suggestion_of(path, guesses, sections, missing, unused, mapping.source, always=always)
 
 
 def _readable(path: Path, names: Sequence[str]) -> tuple[TableFile, dict[str, FloatArray], str]:
@@ -226,7 +194,7 @@ def _with_day(guess: Guess, table: TableFile, beside: Sequence[Path]) -> Guess:
         for name in (n for n in table.names if n != guess.column and day_name.search(words(n))):
             form = next((f for f in DAY_FORMATS if _fits(table.texts(name), f)), None)
             if form is not None:
-                why = f"{guess.why}; the day is in {_quote(name)}"
+                why = f"{guess.why}; the day is in {quoted(name)}"
                 guess = replace(guess, date=name, format=f"{form} {guess.format}", why=why)
                 break
     texts = [stamp_texts(table, guess.column, guess.date)]
@@ -261,9 +229,9 @@ def _by_name(table: TableFile, columns: Mapping[str, FloatArray], trip: str | No
     for ours in column_names():
         free = [n for n in table.names if n and n not in taken]
         named = candidates(ours, free)
-        if (
-            ours == POWER and not named
-        ):  # the unit shows a power, and only that of a battery is negative at times
+        named = [n for n in named if ours not in MEASURED_FLOW or may_hold(ours, _label(table, n))]
+        if ours == POWER and not named:
+            # the unit shows a power, and only that of a battery is negative at times
             named = [n for n in free if unit_in(POWER, _label(table, n)) and not is_excluded(POWER, n)]
             named = [n for n in named if np.nanmin(columns.get(n, np.zeros(1)), initial=0.0) < 0.0]
         for name in named:
@@ -280,22 +248,14 @@ def _unfit(
 ) -> Iterator[Fault]:
     """A fault for each signal that is missing although columns have its name: the first cell of each that does not fit."""
     for ours in (ours for ours in ("time_s", "speed_m_s", *MEASURED_FLOW) if ours not in guesses):
-        for name in candidates(ours, [n for n in table.names if n]):
+        named = candidates(ours, [name for name in table.names if name])
+        for name in named if ours in FITTING else [name for name in named if name not in columns]:
             cells = [text for text in table.texts(name) if text]
-            wrong = [text for text in cells if np.isnan(number_in(text.replace(",", ".")))]
-            got = excerpt((wrong or cells or [""])[0]) + and_more(wrong or cells)
-            is_date = any(
-                re.fullmatch(r"\d{1,2}[. -]+[^\W\d]{3,}\.?|[^\W\d]{3,}[. -]+\d{1,2}", text) for text in wrong
-            )
-            fix = (
-                "a spreadsheet made dates of the numbers: export them again, without opening them in it"
-                if is_date
-                else ""
-            )
-            if name not in columns or ours in ("time_s", "speed_m_s"):
-                yield Fault(
-                    "column does not fit", f"{path} column {name!r}", got, FITTING.get(ours, "numbers"), fix
-                )
+            wrong = [text for text in cells if np.isnan(number_in(text.replace(",", ".")))] or cells or [""]
+            fix = "a spreadsheet made dates of the numbers: export them again, without opening them in it"
+            fix = fix if any(_DATE_OF_NUMBER.fullmatch(text) for text in wrong) else ""
+            where, got = f"{path} column {name!r}", excerpt(wrong[0]) + and_more(wrong)
+            yield Fault("column does not fit", where, got, FITTING.get(ours, "numbers"), fix)
 
 
 def _stamped(table: TableFile, name: str) -> Guess | None:
@@ -446,16 +406,6 @@ def _with_american_check(guesses: dict[str, Guess]) -> dict[str, Guess]:
     }
 
 
-def _missing(guesses: Mapping[str, Guess]) -> list[str]:
-    missing = [ours for ours in ("time_s", "speed_m_s") if ours not in guesses]
-    if "current_a" in guesses and "voltage_v" not in guesses and POWER not in guesses:
-        return [*missing, "[battery] nominal_voltage_v"]
-    if "current_a" in guesses or POWER in guesses:
-        return missing
-    by_charge = "soc" in guesses or "displayed_soc" in guesses
-    return [*missing, "[battery] usable_capacity_kwh" if by_charge else "voltage_v and current_a"]
-
-
 def _has_all(table: TableFile, mapping: ColumnMapping) -> bool:
     """Whether a table has the columns that a mapping needs."""
     keys = {column_key(n) for n in table.names}
@@ -463,70 +413,3 @@ def _has_all(table: TableFile, mapping: ColumnMapping) -> bool:
     if mapping.long_name is not None:
         needed = [mapping.long_name, mapping.long_value or ""]
     return {*map(column_key, needed)} <= keys
-
-
-def _sections(
-    guesses: Mapping[str, Guess], flow: Flow, columns: Mapping[str, FloatArray], decimal: str
-) -> dict[str, list[str]]:
-    """The lines of each optional table of a proposal."""
-    sections: dict[str, list[str]] = {name: [] for name in ("current", "trip", "battery", "file")}
-    if flow.sign and {"current_a", POWER} & guesses.keys():
-        sections["current"].append(f'positive = "{flow.sign}"  # {flow.why_sign}')
-    if POWER in guesses and "voltage_v" not in guesses:
-        note = "assumed, because no voltage is logged; only the power is measured"
-        sections["battery"].append(f"nominal_voltage_v = {STAND_IN_V:g}  # {note}")
-    if decimal == ",":
-        sections["file"].append('decimal = ","  # the numbers have a decimal comma')
-    missing = {
-        guess.column: float(np.isnan(columns[guess.column]).mean())
-        for ours, guess in guesses.items()
-        if ours in ("speed_m_s", "voltage_v", "current_a", POWER) and guess.column in columns
-    }
-    column = max(missing, key=lambda name: missing[name], default="")
-    # 0.2: if a larger share of a measured column is missing, the logger is taken to write a value only if
-    # it changes
-    if missing.get(column, 0.0) > 0.2:
-        why = f"{missing[column]:.0%} of {_quote(column)} is missing: the last value is held"
-        sections["file"].append(f"hold_s = {HOLD_S}  # {why}")
-    return sections
-
-
-def _suggestion(
-    path: Path,
-    guesses: Mapping[str, Guess],
-    sections: Mapping[str, Sequence[str]],
-    missing: Sequence[str],
-    unused: Sequence[str],
-    shipped: str | None,
-    *,
-    always: Sequence[str] | None = None,
-) -> Suggestion:
-    """The proposal with its TOML; entries that are not in `always` are optional, by default none."""
-    lines = [f"# Proposed for {_comment(path.name)} from its header and values. Check every line."]
-    if shipped:
-        lines.append(f"# The columns are those of the shipped mapping {shipped!r}: try --mapping {shipped}.")
-    lines += [f"# TO DO: add {what}" for what in missing]
-    if unused:
-        shown = ", ".join(_quote(n) for n in unused[:12])
-        lines.append(f"# Not used: {shown}" + (f" and {len(unused) - 12} more" if len(unused) > 12 else ""))
-    lines.append("[columns]")
-    for guess in guesses.values():
-        entry = [f"column = {_quote(guess.column)}", f'unit = "{SPELLED.get(guess.unit, guess.unit)}"']
-        entry += [
-            f"{key} = {_quote(getattr(guess, key))}" for key in ("date", "format") if getattr(guess, key)
-        ]
-        entry += [] if always is None or guess.ours in always else ["optional = true"]
-        lines.append(f"{guess.ours} = {{ {', '.join(entry)} }}  # {_comment(guess.why)}")
-    for name, settings in sections.items():
-        lines += ["", f"[{name}]", *settings] if settings else []
-    toml = "\n".join(lines) + "\n"
-    return Suggestion(toml, tuple(guesses.values()), tuple(missing), shipped, tuple(unused))
-
-
-def _comment(text: str) -> str:
-    return "".join(c if c.isprintable() else " " for c in text)
-
-
-def _quote(text: str) -> str:
-    escaped = text.replace("\\", "\\\\").replace('"', '\\"')
-    return '"' + "".join(c if c.isprintable() else f"\\u{ord(c):04x}" for c in escaped) + '"'

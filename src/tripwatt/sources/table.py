@@ -213,30 +213,42 @@ def _distances_of_file(file: RawFile) -> Distances:
 
 
 def _logs(drives: Sequence[RawDrive]) -> list[Log]:
-    """The logs of drives. If a current or power would charge the battery while the car accelerates, members sign is reversed."""
+    """The logs of drives.
+
+    The sign of a current or power is reversed if it would charge the battery while the car accelerates. A drive whose state of charge
+    contradicts its energy is left out.
+    """
     logs = [log_of(drive) for drive in drives]
     for kind in sorted({drive.files[0].kind for drive in drives}):
         members = [k for k, drive in enumerate(drives) if drive.files[0].kind == kind]
         mapping = drives[members[0]].files[0].mapping
         correlations = [c for k in members if (c := _correlation(logs[k])) is not None]
-        by_charge = _energy_by_charge([logs[k] for k in members], mapping)
-        is_wrong = float(np.median(correlations)) < WRONG_SIGN if correlations else by_charge < 0.0
-        if not is_wrong:
-            _leave_out_contradicting([drives[k] for k in members], by_charge)
-            continue
-        name = (mapping.columns.get("current_a") or mapping.columns[POWER]).column
-        stated, right = ("discharge", "charge") if mapping.discharge_sign > 0 else ("charge", "discharge")
-        got = f"the car would charge while it accelerates in most of {len(correlations)} trips"
-        got = got if correlations else "the battery would charge while its state of charge falls"
-        allowed = f'[current] positive = "{right}" in place of "{stated}"'
-        fix = f"change it in {mapping.source}"
-        fault = Fault("current has the wrong sign", f"column {name!r}", got, allowed, fix)
-        drives[members[0]].files[0].faults.append(fault)
+        seen = (
+            float(np.median(correlations))
+            if correlations
+            else _energy_by_charge([logs[k] for k in members], mapping)
+        )
+        if seen < (WRONG_SIGN if correlations else 0.0):
+            name = (mapping.columns.get("current_a") or mapping.columns[POWER]).column
+            stated, right = ("discharge", "charge") if mapping.discharge_sign > 0 else ("charge", "discharge")
+            got = f"the car would charge while it accelerates in most of {len(correlations)} trips"
+            got = got if correlations else "the battery would charge while its state of charge falls"
+            allowed = f'[current] positive = "{right}" in place of "{stated}"'
+            fix = f"change it in {mapping.source}"
+            fault = Fault("current has the wrong sign", f"column {name!r}", got, allowed, fix)
+            drives[members[0]].files[0].faults.append(fault)
+            for k in members:
+                drives[k].files[0].mapping = replace(mapping, discharge_sign=-mapping.discharge_sign)
+                logs[k] = log_of(drives[k])
         for k in members:
-            drives[k].files[0].mapping = replace(mapping, discharge_sign=-mapping.discharge_sign)
-            logs[k] = log_of(drives[k])
-        by_charge = _energy_by_charge([logs[k] for k in members], drives[members[0]].files[0].mapping)
-        _leave_out_contradicting([drives[k] for k in members], by_charge)
+            by_charge = _energy_by_charge([logs[k]], mapping)
+            # 0.5, 2.0: no ageing of a battery and no reserve of its charge explains such a ratio
+            if not 0.5 <= by_charge <= 2.0:
+                got = f"{by_charge:.3g} of the energy of the change of the state of charge"
+                fix = "check the unit of power or current in the mapping, and the car"
+                for file in drives[k].files:
+                    where = f"{file.path}"
+                    file.leave_out([Fault("energy contradicts state of charge", where, got, "0.5 to 2", fix)])
     used = [all(file.values for file in drive.files) for drive in drives]
     for drive in (drive for drive, is_used in zip(drives, used, strict=True) if is_used):
         for file in drive.files:
@@ -257,17 +269,6 @@ def _energy_by_charge(logs: Sequence[Log], mapping: ColumnMapping) -> float:
             by_charge = 1000.0 * (mapping.usable_capacity_kwh or 0.0) * float(charge[0] - charge[-1])
             ratios.append((log.observed_energy_wh or 0.0) / by_charge)
     return float(np.median(ratios)) if ratios else 1.0
-
-
-def _leave_out_contradicting(drives: Sequence[RawDrive], by_charge: float) -> None:
-    """Leave out the files of drives whose energy is far from that of their state of charge."""
-    # 0.5, 2.0: no ageing of a battery and no reserve of its charge explains such a ratio
-    if 0.5 <= by_charge <= 2.0:
-        return
-    got = f"{by_charge:.3g} of the energy of the change of the state of charge"
-    fix = "check the unit of power or current in the mapping, and the car"
-    for file in {id(file): file for drive in drives for file in drive.files}.values():
-        file.leave_out([Fault("energy contradicts state of charge", f"{file.path}", got, "0.5 to 2", fix)])
 
 
 def _correlation(log: Log) -> float | None:
