@@ -2,7 +2,8 @@
 
 Each seeded folder of `tools.data.dirty_logs` is read without a mapping and beside its truth: rows kept of those that are sound,
 columns that are not what they are called, folders that are refused. Read strictly, each folder has to be refused with its faults
-listed. The folder of a Leaf Spy user (209 files, two years) is learned by one command.
+listed. Drives with dirt that changes the meaning of numbers (`tools.data.dirty_kinds`) give their energy or are refused. The folder
+of a Leaf Spy user (209 files, two years) is learned by one command.
 """
 
 from __future__ import annotations
@@ -20,6 +21,7 @@ from typing import NamedTuple
 
 import numpy as np
 from tools.command import run
+from tools.data.dirty_kinds import READABLE, UNREADABLE, write_spoilt
 from tools.data.dirty_logs import FORMATS, Truth, write_dirty_folder, write_leaf_spy_owner
 
 import tripwatt as tw
@@ -153,6 +155,38 @@ def folder_rows(number: int, first: int = 0, *, verbose: bool = False) -> Iterat
     yield Row(f"{number} folders: accepted strictly", accepted, "", most=0)
 
 
+def verdict(file: Path, kind: str, seed: int) -> str:
+    """What reading one drive with a kind of dirt gives: its energy is "read", it is "refused", or "wrong"."""
+    vehicle = load_vehicle(CAR)
+    drive = write_spoilt(file, kind, seed, vehicle)
+    try:
+        fleet = tw.read_logs(file, "table", vehicle=vehicle)
+    except InvalidInput:
+        return "refused"
+    trips = tw.audit(fleet).trips
+    took = sum(trip.observed_energy_wh or 0.0 for trip in trips)
+    # 0.05: largest error of an energy that counts as read
+    if trips and abs(took / drive.energy_wh - 1.0) < 0.05:
+        return "read"
+    return "wrong" if trips else "refused"
+
+
+def kind_rows(seeds: int, *, verbose: bool = False) -> Iterator[Row]:
+    """The bars over drives with dirt that changes the meaning of numbers."""
+    found: Counter[tuple[bool, str]] = Counter()
+    for kind in (*READABLE, *UNREADABLE):
+        for seed in range(seeds):
+            with tempfile.TemporaryDirectory() as place:
+                its = verdict(Path(place) / "logs" / "drive.csv", kind, seed)
+            found[kind in READABLE, its] += 1
+            if verbose and its != ("read" if kind in READABLE else "refused"):
+                sys.stderr.write(f"{kind} {seed}: {its}\n")
+    drives = seeds * (len(READABLE) + len(UNREADABLE))
+    yield Row(f"{drives} drives: wrong energies", found[True, "wrong"] + found[False, "wrong"], "", most=0)
+    read = found[True, "read"] / (seeds * len(READABLE))
+    yield Row(f"{seeds * len(READABLE)} readable drives: energies read", read, "", least=0.99)
+
+
 def owner_rows() -> Iterator[Row]:
     """The folder of a Leaf Spy user, by the command that its owner would type."""
     from typer.testing import CliRunner
@@ -190,12 +224,14 @@ def rows(number: int = FOLDERS) -> Iterator[Row]:
     """All rows."""
     yield from owner_rows()
     yield from folder_rows(number)
+    yield from kind_rows(number // 16)
 
 
 def main(number: int = FOLDERS, first: int = 0, owner: bool = True, verbose: bool = False) -> int:
     """Print the rows; 1 when a bound is missed."""
     mine = owner_rows() if owner else ()
-    return report([*mine, *folder_rows(number, first, verbose=verbose)])
+    kinds = kind_rows(number // 16, verbose=verbose)
+    return report([*mine, *folder_rows(number, first, verbose=verbose), *kinds])
 
 
 if __name__ == "__main__":

@@ -41,19 +41,27 @@ def test_a_folder_without_tiles_is_refused(run: Run, tmp_path: Path) -> None:
     assert "no elevation tiles" in refused.err
 
 
-@pytest.mark.parametrize("factor", [1.0, 3.0])
-def test_an_energy_that_the_car_cannot_take_is_held_back(run: Run, tmp_path: Path, factor: float) -> None:
-    """Whole files in a wrong unit are not learned, unless the user asks for it."""
+@pytest.mark.parametrize(("factor", "every"), [(1.0, 1), (3.0, 1), (1.0, 12), (0.3, 12)])
+def test_an_energy_that_the_car_cannot_take_is_held_back(
+    run: Run, tmp_path: Path, factor: float, every: int
+) -> None:
+    """Whole files in a wrong unit are not learned, also if rows are too rare for the audit, unless the user asks for it."""
+    (tmp_path / "logs").mkdir()
     for log in synthetic_fleet(3).logs:
         samples = log.samples.drop(columns=["soc", "displayed_soc"], errors="ignore")
-        samples = samples.assign(current_a=factor * samples["current_a"])
-        samples.to_csv(tmp_path / f"{log.trip_id}.csv", index=False)
+        samples = samples.assign(current_a=factor * samples["current_a"])[::every]
+        samples.to_csv(tmp_path / "logs" / f"{log.trip_id}.csv", index=False)
     car = create_car(tmp_path / "car", VEHICLE)
-    (tmp_path / "logs").mkdir()
-    for file in tmp_path.glob("*.csv"):
-        file.rename(tmp_path / "logs" / file.name)
     first = run("car", "add", car.folder, tmp_path / "logs")
     assert ("implausible energy" in first.err) == (factor != 1.0)
     assert len(open_car(car.folder).diary) == (3 if factor == 1.0 else 0)
     assert run("car", "add", car.folder, tmp_path / "logs", "--implausible").code == 0
     assert len(open_car(car.folder).diary) == 3
+
+
+def test_a_car_learns_a_power_without_a_listed_name(run: Run, tmp_path: Path, data_dir: Path) -> None:
+    logs = data_dir / "reports/01_power_column_unknown_name/hv_kw"
+    assert run("car", "new", tmp_path / "car", "--vehicle", "bmw_i3_60ah").code == 0
+    assert run("car", "add", tmp_path / "car", logs).code == 0
+    diary = open_car(tmp_path / "car").diary.table
+    assert sorted(diary["energy_wh"]) == pytest.approx([1555.0, 2303.0, 5840.0], rel=0.001)

@@ -7,7 +7,8 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-from benchmarks.dirty_logs import outcome
+from benchmarks.dirty_logs import outcome, verdict
+from tools.data.dirty_kinds import READABLE, UNREADABLE
 from tools.data.dirty_logs import FORMATS, write_dirty_folder
 
 import tripwatt as tw
@@ -34,6 +35,13 @@ def test_a_clean_folder_has_nothing_to_tell(tmp_path: Path, logger: str) -> None
     assert {file.state for file in fleet.report.files} == {"read"}
     assert list(fleet.report.faults) == []
     assert len(tw.audit(fleet).trips) == len(truth.drives)
+
+
+@pytest.mark.parametrize("kind", [*READABLE, *UNREADABLE])
+@pytest.mark.parametrize("seed", [1001, 1002, 1003])
+def test_numbers_of_another_meaning_are_read_right_or_refused(tmp_path: Path, kind: str, seed: int) -> None:
+    """Law: whatever the names, units, separators and signs, no energy is wrong by more than five percent."""
+    assert verdict(tmp_path / "drive.csv", kind, seed) == ("read" if kind in READABLE else "refused")
 
 
 def drive(seconds: int = 300, start: str = "2024-05-31 08:00:00") -> pd.DataFrame:
