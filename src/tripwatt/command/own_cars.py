@@ -119,12 +119,11 @@ def _energy_faults(data: Path, vehicle: Vehicle, trips: Sequence[Trip]) -> Itera
     totals = or_none(trip_totals, ((vehicle, trip) for trip in longest)) or {}
     pairs = zip(longest, totals.get("energy_wh", ()), strict=False)
     ratios = [(trip.observed_energy_wh or 0.0) / energy_wh for trip, energy_wh in pairs if energy_wh > 0.0]
-    ratio = median(ratios) if ratios else 1.0
     # 0.4, 2.5: neither weather nor load nor a wrong car of the same class explains such an energy
-    if not 0.4 <= ratio <= 2.5:
-        got, allowed = f"{ratio:.3g} times the energy of {vehicle.title}", "0.4 to 2.5 times, in most trips"
+    if ratios and not 0.4 <= median(ratios) <= 2.5:
+        got = f"{median(ratios):.3g} times the energy of {vehicle.title}"
         fix = "check the units of power and speed, and the car; --implausible learns the trips as they are"
-        yield Fault("implausible energy", f"{data}", got, allowed, fix)
+        yield Fault("implausible energy", f"{data}", got, "0.4 to 2.5 times, in most trips", fix)
 
 
 def show(

@@ -367,17 +367,17 @@ def read_numbers(
     for position, cells in zip(wanted, read_texts(source, wanted), strict=True):
         cells = [_SPACE_IN_NUMBER.sub("", cell) for cell in cells]
         separator = group_separator(cells, lambda: _decimals(source))
+        where = f"{source.path} row {{}} column {source.names[position]!r}"
         if separator is None:
-            filled = [cell for cell in cells if cell not in NULL_TEXTS]
-            faults.append(unclear_fault(f"{source.path} column {source.names[position]!r}", filled))
-            columns.append(np.full(len(cells), np.nan))
-            continue
+            faults.append(
+                unclear_fault(where.replace(" row {}", ""), [c for c in cells if c not in NULL_TEXTS])
+            )
+            cells = [""] * len(cells)
         # a separator of groups is left out; the other one begins decimals, if there are any
         plain = [cell.replace(separator, "") for cell in cells] if separator else cells
-        values, bad = numbers_of(plain, MARKS.get(separator, decimal))
+        values, bad = numbers_of(plain, MARKS.get(separator or "", decimal))
         columns.append(values)
-        place = f"{source.path} row {{}} column {source.names[position]!r}"
-        faults += _cell_faults([(place.format(line_numbers[i]), cells[i]) for i in bad], decimal)
+        faults += _cell_faults([(where.format(line_numbers[i]), cells[i]) for i in bad], decimal)
     return columns, faults
 
 

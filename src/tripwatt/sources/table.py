@@ -133,12 +133,8 @@ def read_kinds(
 
 def _add_heights(file: RawFile, heights: Heights | None) -> None:
     """Add heights at the positions of a file, if it has positions but neither heights nor grades."""
-    if (
-        heights is None
-        or file.table is None
-        or not file.values
-        or {"elevation_m", "grade"} & file.values.keys()
-    ):
+    known = file.values.keys()
+    if heights is None or file.table is None or not known or {"elevation_m", "grade"} & known:
         return
     place = positions_of(file.table)
     elevation = None if place is None else heights(*place)
