@@ -307,9 +307,10 @@ def test_a_column_that_may_be_power_or_current_is_not_guessed(tmp_path, other) -
     assert "xyz" in suggest_mapping(file).unused
 
 
-def test_the_unit_of_an_unlisted_current_and_speed_counts(tmp_path) -> None:
+@pytest.mark.parametrize(("unit", "factor"), [("mA", 1000.0), ("dA", 10.0), ("cA", 100.0), ("A", 1.0)])
+def test_the_unit_of_an_unlisted_current_and_speed_counts(tmp_path, unit, factor) -> None:
     d, file = drive(), tmp_path / "drive.csv"
-    table = {"Time (s)": d.t, "abc [mph]": d.v / 0.44704, "uvw": d.u, "xyz [mA]": 1000.0 * d.i}
+    table = {"Time (s)": d.t, "abc [mph]": d.v / 0.44704, "uvw": d.u, f"xyz [{unit}]": factor * d.i}
     pd.DataFrame(table).to_csv(file, index=False)
     (log,) = read_table(file).logs
     assert log.array("current_a") == pytest.approx(d.i.to_numpy())

@@ -73,7 +73,7 @@ UNITS: Final[Mapping[str, Mapping[str, tuple[float, float]]]] = {
     "cabin_setpoint_degc": _TEMPERATURE,
     "battery_temperature_degc": _TEMPERATURE,
     "voltage_v": {"v": (1.0, 0.0), "mv": (1e-3, 0.0), "kv": (1000.0, 0.0)},
-    "current_a": {"a": (1.0, 0.0), "ma": (1e-3, 0.0), "da": (0.1, 0.0)},
+    "current_a": {"a": (1.0, 0.0), "ma": (1e-3, 0.0), "da": (0.1, 0.0), "ca": (0.01, 0.0)},
     "soc": _FRACTION,
     "displayed_soc": _FRACTION,
     "motor_torque_nm": {"nm": (1.0, 0.0)},

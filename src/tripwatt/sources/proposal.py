@@ -18,7 +18,7 @@ HOLD_S: Final = 10
 
 SPELLED: Final[Mapping[str, str]] = {
     unit.lower(): unit
-    for unit in ("V", "mV", "kV", "A", "mA", "dA", "W", "kW", "PS", "degC", "degF", "K", "Nm")
+    for unit in ("V", "mV", "kV", "A", "mA", "dA", "cA", "W", "kW", "PS", "degC", "degF", "K", "Nm")
 } | {"c": "degC", "f": "degF", "kmh": "km/h", "kph": "km/h"}
 """Unit in lower case -> usual spelling."""
 
