@@ -18,12 +18,9 @@ export function placeFrom(text: string): Place | null {
 }
 
 /** The conditions that differ from the usual ones. */
-export function changedText(
-  now: Record<string, LinkValue>,
-  usual: Record<string, LinkValue>,
-): [string, string][] {
-  return Object.entries(now)
-    .filter(([name, value]) => String(value) !== String(usual[name]) && value !== null)
+export function changedText<T extends object>(now: T, usual: T): [string, string][] {
+  return (Object.entries(now) as [string, LinkValue][])
+    .filter(([name, value]) => String(value) !== String(usual[name as keyof T]) && value !== null)
     .map(([name, value]) => [
       name,
       typeof value === "number" ? String(Number(value.toPrecision(8))) : String(value),

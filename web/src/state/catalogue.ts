@@ -179,25 +179,18 @@ async function chooseExampleOfMap(): Promise<void> {
 }
 
 /** Show what a link has of a trip; false where the service does not have it. */
-async function chooseLinked({
-  source: from,
-  places,
-  round,
-  choice: wanted,
-  example,
-  distance,
-}: Linked): Promise<boolean> {
+async function chooseLinked({ source: from, places, distance, ...linked }: Linked): Promise<boolean> {
   if (from === "journey" && map.value && places) {
     batch(() => {
       source.value = "journey";
       ends.value = { from: places[0] as Place, to: places.at(-1) as Place };
       vias.value = places.slice(1, -1);
-      isRound.value = round;
-      choice.value = wanted;
+      isRound.value = linked.round;
+      choice.value = linked.choice;
       nextEnd.value = null;
       isExample.value = false;
       wantsFit.value = true;
-      trip.value = tripFromStops(places, round, wanted, false);
+      trip.value = tripFromStops(places, linked.round, linked.choice, false);
     });
     return true;
   }
@@ -208,8 +201,8 @@ async function chooseLinked({
   }
   if (from !== "examples") return false;
   await loadExamples();
-  if (!examples.value.some((row) => row.trip === example)) return false;
-  const found = await whileLoading({ what: "trip" }, () => loadExample(example));
+  if (!examples.value.some((row) => row.trip === linked.example)) return false;
+  const found = await whileLoading({ what: "trip" }, () => loadExample(linked.example));
   if (!found) return false;
   source.value = "examples";
   trip.value = tripFromExample(found);

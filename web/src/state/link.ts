@@ -5,7 +5,7 @@ import { FIELDS } from "../../generated/fields";
 import { Latest } from "../api/latest";
 import { notPast } from "../model/clock";
 import { KINDS } from "../model/distance";
-import { changedFrom, changedText, figuresFrom, type LinkValue, placeFrom, placeText } from "../model/link";
+import { changedFrom, changedText, figuresFrom, placeFrom, placeText } from "../model/link";
 import { STATION_KIND } from "../model/stations";
 import { type Car, car } from "./car";
 import { BEFORE_DEPARTURE, type Conditions, conditions, USUAL } from "./conditions";
@@ -120,11 +120,8 @@ function carText({ vehicle, model, figures, title, own }: Car): [string, string]
 export function linkOf(of: Trip, at: Conditions, by: Car | null): string {
   const road = tripText(of);
   if (road.length === 0) return "";
-  const changed = changedText(
-    at as unknown as Record<string, LinkValue>,
-    USUAL as unknown as Record<string, LinkValue>,
-  );
-  return `#${new URLSearchParams([...road, ...changed, ...(by ? carText(by) : [])]).toString()}`;
+  const car = by ? carText(by) : [];
+  return `#${new URLSearchParams([...road, ...changedText(at, USUAL), ...car]).toString()}`;
 }
 
 /** Whether the page is a link's place in the history: another trip begins a new entry. */
