@@ -77,10 +77,21 @@ def boost(
         tree_seed = int(rng.integers(1, 2**31 - 1))
         residual = np.where(inside, y - fitted, 0.0)
         working.estimate(residual)
-        round_weight = weight
+        current = working
         if setting["subsample"] < 1.0 and (drawn & allowed).any():
-            round_weight = np.where(drawn[sample.codes], weight, 0.0)
-        fitted = fitted + _round(path, working, residual, round_weight, setting, tree_seed, sample)
+            of_drawn = np.where(drawn[sample.codes], weight, 0.0)
+            current = WorkingCorrelation(working.kind, working.codes, of_drawn)
+            current.rho = working.rho
+        gradient = current.solve(residual)
+        path.trees.grow(gradient, current.weight, tree_seed)
+        leaf = path.trees.leaves(sample.grower.X, first=len(path.trees.position) - 1)[0]
+        n_leaves = int(leaf.max()) + 1
+        normal = current.normal_matrix(leaf, n_leaves)
+        empty = np.diag(normal) <= 0
+        normal[empty, empty] = 1.0
+        score = np.bincount(leaf, gradient, n_leaves)
+        path.values.append(setting["learning_rate"] * np.linalg.solve(normal, score))
+        fitted = fitted + path.values[-1][leaf]
         if watched:
             path.losses.append(sample.loss(fitted))
             running = [watch.update(path.losses[-1]) for watch in watched]
@@ -89,33 +100,6 @@ def boost(
     path.ends = [watch.end for watch in watched]
     path.rho = working.rho
     return path
-
-
-def _round(
-    path: Path,
-    working: WorkingCorrelation,
-    residual: FloatArray,
-    weight: FloatArray,
-    setting: dict[str, Any],
-    tree_seed: int,
-    sample: Sample,
-) -> FloatArray:
-    """Add a tree; returns the step of the prediction for every row of the sample."""
-    current = working
-    if weight is not working.weight:
-        current = WorkingCorrelation(working.kind, working.codes, weight)
-        current.rho = working.rho
-    gradient = current.solve(residual)
-    path.trees.grow(gradient, weight, tree_seed)
-    leaf = path.trees.leaves(sample.grower.X, first=len(path.trees.position) - 1)[0]
-    n_leaves = int(leaf.max()) + 1
-    normal = current.normal_matrix(leaf, n_leaves)
-    empty = np.diag(normal) <= 0
-    normal[empty, empty] = 1.0
-    score = np.bincount(leaf, gradient, n_leaves)
-    values = setting["learning_rate"] * np.linalg.solve(normal, score)
-    path.values.append(values)
-    return np.asarray(values[leaf])
 
 
 def write_leaf_values(path: Path) -> tuple[Any, IntArray, FloatArray]:
