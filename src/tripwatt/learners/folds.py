@@ -5,9 +5,8 @@ Protocols, the inner folds of a fit and the evaluation of fleets use this module
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
-from typing import Final, TypeVar
+from typing import Final
 
 import numpy as np
 
@@ -15,8 +14,6 @@ from tripwatt.arrays import IntArray
 
 TRAINING_ONLY: Final = -1
 """Fold of an item that is only used for fitting."""
-
-R = TypeVar("R")
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -60,25 +57,3 @@ def leave_one_out(folds: IntArray) -> tuple[Split, ...]:
     """
     numbers = np.unique(folds[folds != TRAINING_ONLY]).tolist()
     return tuple(Split(k, np.flatnonzero(folds != k), np.flatnonzero(folds == k)) for k in numbers)
-
-
-def held_out(
-    splits: Iterable[Split], fit: Callable[[IntArray], Callable[[IntArray], R]]
-) -> Iterator[tuple[Split, R]]:
-    """Yield each split with the prediction of its test items by a fit to its training items.
-
-    Parameters
-    ----------
-    splits : iterable of Split
-    fit : callable
-        Function that takes the indices of the training items and returns a function from indices of items to their prediction.
-
-    Examples
-    --------
-    >>> values = np.array([1.0, 2.0, 6.0])
-    >>> means = held_out(leave_one_out(np.arange(3)), lambda train: lambda test: float(values[train].mean()))
-    >>> [mean for _, mean in means]
-    [4.0, 3.5, 1.5]
-    """
-    for split in splits:
-        yield split, fit(split.train)(split.test)

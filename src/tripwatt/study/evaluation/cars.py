@@ -18,7 +18,7 @@ from typing import Any, Final
 import numpy as np
 import pandas as pd
 
-from tripwatt.arrays import FloatArray, IntArray
+from tripwatt.arrays import FloatArray
 from tripwatt.auditing import audit
 from tripwatt.errors import Check, Fault, InvalidInput, raise_faults
 from tripwatt.files import MAX_TEXT_BYTES, parse_toml, read_text_file
@@ -28,7 +28,7 @@ from tripwatt.hybrid import SegmentTable, segment_trips
 from tripwatt.hybrid.factors import SDS, TripEvidence
 from tripwatt.hybrid.learning import KINDS
 from tripwatt.hybrid.parameters import on_road
-from tripwatt.learners.folds import Split, held_out
+from tripwatt.learners.folds import Split
 from tripwatt.population import Adaptation
 from tripwatt.population.adapting import in_order
 from tripwatt.population.prior import Population, Source, population
@@ -328,10 +328,9 @@ def _curve(
     half = n // 2 if n >= FEW else n
 
     def scores(k: int, splits: Iterable[Split]) -> dict[str, Any]:
-        def fit(train: IntArray) -> Callable[[IntArray], dict[str, float]]:
-            return lambda scored: _draw_error(learner, evidence.take(train), evidence.take(scored))
-
-        draw_scores = [score for _, score in held_out(splits, fit)]
+        draw_scores = [
+            _draw_error(learner, evidence.take(split.train), evidence.take(split.test)) for split in splits
+        ]
         return {
             "k": k,
             "draws": len(draw_scores),
