@@ -127,10 +127,10 @@ def test_a_body_is_not_read_while_too_many_requests_wait() -> None:
 
 @pytest.mark.parametrize("path", ["/v1/models/", "/v1/cars/", "/healthz/", "/assets", "/v1/forecast/"])
 def test_no_answer_leads_to_the_host_that_a_request_names(path: str) -> None:
-    found = Served()(path, headers={"Host": "evil.example"})
-    assert found.status_code in (400, 404)
+    found = Served()(path, headers={"Host": "localhost:1"})
+    assert found.status_code == 404
     assert "location" not in found.headers
-    assert "evil.example" not in found.text
+    assert "localhost" not in found.text
 
 
 def test_a_tile_is_kept_for_an_hour_and_a_forecast_is_not() -> None:
