@@ -33,3 +33,15 @@ def test_every_actor_of_the_threats_is_named() -> None:
         "a file from the internet",
         "another process of the machine",
     } <= actors
+
+
+def test_every_test_that_is_named_exists() -> None:
+    """Also outside of the threats, where a whole file may be named; each guarantee for what is not trusted names one."""
+    text = (ROOT / "SECURITY.md").read_text("utf-8")
+    for file, name in re.findall(r"`(tests/[\w/]+\.py)(?:::(test_\w+))?`", text):
+        code = (ROOT / file).read_text("utf-8")
+        assert re.search(rf"^def {name or 'test_'}", code, re.MULTILINE), f"{file}::{name}"
+    trusted = text.partition("## What is trusted")[2].partition("\nPacked")[0]
+    guarantees = [row for row in trusted.splitlines() if "| no |" in row or "| no, " in row]
+    assert len(guarantees) >= 1
+    assert all("`tests/" in row for row in guarantees)
