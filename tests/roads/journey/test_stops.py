@@ -274,6 +274,9 @@ def test_roads_are_compared_with_the_time_and_energy_of_their_stops(model, soc):
             "soc_arrival": plan.soc_arrival,
             "p_reserve": plan.p_reserve,
         }
+        charging = told["charging"] or {"stops": [], "duration_s": plan.driving_s}
+        assert len(charging["stops"]) == told["whole"]["charges"]
+        assert charging["duration_s"] == told["whole"]["duration_s"]
     frame = found.to_frame()
     assert frame["duration_s"].tolist()[-1] == wholes[1].duration_s
     assert frame["labels"].tolist()[-1] == ", ".join(found.roads[1].labels)

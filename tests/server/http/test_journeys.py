@@ -26,6 +26,7 @@ from tripwatt.server.http.journey_schemas import (
     JourneyAdviceRequest,
     JourneyDifferenceRequest,
     PlanRequest,
+    PlanResponse,
     ReachRequest,
 )
 from tripwatt.server.http.journeys import JourneyJobs
@@ -102,6 +103,17 @@ def test_advice_on_a_journey_that_needs_a_stop_has_the_time_in_all() -> None:
     AdviceResponse.model_validate(advice)
     alone = jobs.advice(check_request({**asked, "charge": False}, JourneyAdviceRequest), model)
     assert alone["whole"] is None
+
+
+def test_each_road_of_a_response_has_its_own_stops() -> None:
+    stops = [{"latitude_deg": place.latitude_deg, "longitude_deg": place.longitude_deg} for place in (A, B)]
+    asked = {"stops": stops, "soc": 0.7, "ambient_temperature_degc": 0.0, "alternatives": 1}
+    found = JourneyJobs(MADE).plan(check_request(asked, PlanRequest), tw.load_model())
+    plans = [road.charging for road in PlanResponse.model_validate(found).roads]
+    assert [plan and len(plan.stops) for plan in plans] == [r["whole"]["charges"] for r in found["roads"]]
+    assert found["roads"][0]["charging"] == found["charging"]
+    assert plans[1] is not None
+    assert plans[1].duration_s == found["roads"][1]["whole"]["duration_s"]
 
 
 def test_a_request_chooses_and_avoids_stations() -> None:

@@ -152,30 +152,8 @@ class RoadForecast:
         scale = series["distance_m"].iloc[-1] / self.road.distance_m
         return float(np.interp(position_m * scale, series["distance_m"], series["displayed_soc"]))
 
-    def without_stops(self, reserve: float) -> ChargingPlan:
-        """Return the whole journey on this road, without a stop to charge.
-
-        Parameters
-        ----------
-        reserve : float
-            Displayed state of charge to arrive with.
-
-        Returns
-        -------
-        ChargingPlan
-            A plan with one leg.
-
-        Examples
-        --------
-        >>> import tripwatt as tw
-        >>> journey = tw.plan_journey(["Vaduz", "Malbun"], tw.Departure(soc=0.6), atlas="map")  # doctest: +SKIP
-        >>> journey.roads[0].without_stops(0.1).stops  # doctest: +SKIP
-        ()
-        """
-        return ChargingPlan(", ".join(self.labels), (), (Leg(self.road, self.forecast),), reserve)
-
     def whole(self, reserve: float) -> ChargingPlan:
-        """Return the whole journey on this road: the plan with stops to charge if there is one, else that without a stop.
+        """Return the whole journey on this road: the plan with stops to charge if there is one, else a plan with one leg.
 
         Parameters
         ----------
@@ -193,7 +171,8 @@ class RoadForecast:
         >>> [len(road.whole(0.1).stops) for road in journey.roads]  # doctest: +SKIP
         [1]
         """
-        return self.charging or self.without_stops(reserve)
+        without_stops = ChargingPlan(", ".join(self.labels), (), (Leg(self.road, self.forecast),), reserve)
+        return self.charging or without_stops
 
     def to_dict(self, reserve: float = 0.0) -> dict[str, Any]:
         """Convert the forecast to plain values: the line on the map, the kinds of road, the forecast.
@@ -214,6 +193,7 @@ class RoadForecast:
             "distance_m": road.distance_m,
             "duration_s": self.forecast.plan.elapsed_s,
             "whole": self.whole(reserve).in_short,
+            "charging": self.charging and self.charging.to_dict(),
             "line": {name: np.round(getattr(road, name), k).tolist() for name, k in LINE_DIGITS.items()},
             "links": {
                 "length_m": road.links.length_m.tolist(),
@@ -348,7 +328,7 @@ class Journey:
             "motorway_speed_m_s": None if self.speed is None else self.speed.speed_m_s,
             "motorway_duration_s": None if self.speed is None else self.speed.duration_s,
             "needs_motorway_speed": self.speed is not None,
-            "charging": None if self.charging is None else self.charging.to_dict(),
+            "charging": self.charging and self.charging.to_dict(),
             "charging_alternatives": [plan.to_dict() for plan in self.charging_alternatives],
             "roads": [road.to_dict(self.reserve) for road in self.roads],
             "flags": [flag_to_dict(flag) for flag in self.flags],
@@ -577,7 +557,7 @@ def journey_with(
     order = [k for *_, k in sorted(ranks)]
     chosen = corridors.get(order[0])
     plans = find_plans(chosen) if chosen else ()
-    if roads[order[0]].without_stops(options.reserve).p_reserve >= CERTAIN:
+    if roads[order[0]].forecast.p_arrive(options.reserve) >= CERTAIN:
         # too full to charge at the station that was chosen
         plans = tuple(plan for plan in plans if plan.label != BEST_EFFORT)
     roads[order[0]] = replace(roads[order[0]], charging=next(iter(plans), None))
@@ -590,7 +570,7 @@ def journey_with(
         return journey
     speed = _speed_advice(forecaster, first, options.reserve)
     journey = replace(journey, speed=speed, charging_alternatives=plans[1:])
-    if plans or (options.charge and first.without_stops(options.reserve).p_reserve < CERTAIN):
+    if plans or (options.charge and first.forecast.p_arrive(options.reserve) < CERTAIN):
         flags = (*far, *_charging_flags(chosen, plans))
         journey = replace(journey, corridor=chosen if plans else None, flags=flags)
     costs = [_leg_costs(leg, forecaster) for leg in first.whole(options.reserve).legs]

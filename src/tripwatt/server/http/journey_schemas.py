@@ -375,23 +375,6 @@ class StopDocument(schemas.ResponseModel):
     """expected displayed state of charge there"""
 
 
-class RoadDocument(schemas.ResponseModel):
-    """A road and its forecast."""
-
-    labels: list[str] = Field(description='of "fastest", "shortest", "least energy"')
-    distance_m: float
-    duration_s: float
-    """driving [s]"""
-    whole: JourneyInShort
-    """with its stops to charge"""
-    line: LineDocument
-    links: RoadLinks
-    stops: list[StopDocument]
-    samples: dict[str, list[float | None]]
-    """speed and elevation that the driver model gives"""
-    forecast: ForecastResponse
-
-
 class CourseDocument(schemas.ResponseModel):
     """Charge along a journey; a stop has one entry before and one after charging."""
 
@@ -431,6 +414,25 @@ class ChargingDocument(schemas.ResponseModel):
     """heat in the battery on the road"""
     course: CourseDocument
     line: LineDocument
+
+
+class RoadDocument(schemas.ResponseModel):
+    """A road and its forecast."""
+
+    labels: list[str] = Field(description='of "fastest", "shortest", "least energy"')
+    distance_m: float
+    duration_s: float
+    """driving [s]"""
+    whole: JourneyInShort
+    """with its stops to charge"""
+    charging: ChargingDocument | None
+    """its fastest plan with stops; null where the charge suffices or stops do not help"""
+    line: LineDocument
+    links: RoadLinks
+    stops: list[StopDocument]
+    samples: dict[str, list[float | None]]
+    """speed and elevation that the driver model gives"""
+    forecast: ForecastResponse
 
 
 class PlanResponse(schemas.ResponseModel):

@@ -52,21 +52,18 @@ class JourneyJobs:
 
     def plan(self, request: asked.PlanRequest, model: ForecastModel) -> dict[str, Any]:
         """Return the response to a `PlanRequest`."""
-        return self._journey(request, self._forecaster(request, model)).to_dict()
+        return self._journey(request, model).to_dict()
 
     def difference(self, request: asked.JourneyDifferenceRequest, *models: ForecastModel) -> dict[str, Any]:
         """Return the response to a `JourneyDifferenceRequest`, with the models of both journeys."""
-        plans = request.one, request.other
-        drives = map(self._forecaster, plans, models)
-        one, other = (self._journey(*pair, answers=True) for pair in zip(plans, drives, strict=True))
+        pairs = zip((request.one, request.other), models, strict=True)
+        one, other = (self._journey(*pair, answers=True) for pair in pairs)
         return one.difference(other, request.road).to_dict()
 
     def advice(self, request: asked.JourneyAdviceRequest, model: ForecastModel) -> dict[str, Any]:
         """Return the response to a `JourneyAdviceRequest`: what to do on the fastest road, with its stops to charge."""
-        forecaster = self._forecaster(request, model)
-        journey = self._journey(request, forecaster)
-        now = dt.datetime.now(dt.UTC)
-        later = leaving_later(forecaster, journey.roads[0].road, now)
+        journey, now = self._journey(request, model), dt.datetime.now(dt.UTC)
+        later = leaving_later(self._forecaster(request, model), journey.roads[0].road, now)
         return advise(
             journey, reserve=request.reserve, chance=request.chance, others=later, now=now
         ).to_dict()
@@ -74,12 +71,12 @@ class JourneyJobs:
     def _forecaster(self, request: asked.JourneyCar, model: ForecastModel) -> RoadForecaster:
         return RoadForecaster(model, departure_of(request), self._atlas().weather)
 
-    def _journey(self, request: asked.PlanRequest, forecaster: RoadForecaster, **changed: Any) -> Journey:
+    def _journey(self, request: asked.PlanRequest, model: ForecastModel, **changed: Any) -> Journey:
         atlas = self._atlas()
         given = request.model_dump(include={*JourneyOptions.__slots__} - {"avoid"}) | changed
         options = JourneyOptions(**given, avoid=tuple(Place(**p.model_dump()) for p in request.avoid))
         stops = find_stops([place_of(stop) for stop in request.stops], atlas, round_trip=request.round_trip)
-        return journey_with(forecaster, stops, atlas, options)
+        return journey_with(self._forecaster(request, model), stops, atlas, options)
 
     def reach(self, request: asked.ReachRequest, model: ForecastModel) -> dict[str, Any]:
         """Return the response to a `ReachRequest`."""
