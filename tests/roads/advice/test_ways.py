@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from tests.roads.journey.made import COLD, MADE, A, B, journey, straight
+from tests.roads.journey.made import COLD, MADE, A, B, MadeRouter, journey, straight
 from tests.roads.journey.test_stops import FAR, row
 
 import tripwatt as tw
@@ -17,6 +17,8 @@ from tripwatt.roads.advice import leaving_later
 from tripwatt.roads.advice.actions import ALONE, Action, actions, replan_with
 from tripwatt.roads.advice.advise import _Trials
 from tripwatt.roads.journey import Place, RoadForecaster
+from tripwatt.roads.maps import Station
+from tripwatt.roads.routers import Road
 from tripwatt.roads.weather import Weather
 
 NOON = dt.datetime(2026, 1, 15, 12, 0, tzinfo=dt.UTC)
@@ -89,13 +91,50 @@ def test_an_action_has_the_time_of_the_journey_with_the_stops_that_it_then_needs
         assert one.difference.energy_wh == pytest.approx(one.whole.energy_wh - found.charging.energy_wh)
 
 
+@pytest.mark.parametrize("soc", [0.02, 0.08, 0.3, 0.6, 0.95])
+@pytest.mark.parametrize("stations", [(), row(14)])
+def test_no_advice_leads_to_a_smaller_chance_than_that_of_the_road_as_it_is(
+    model: tw.ForecastModel, soc: float, stations: tuple[Station, ...]
+) -> None:
+    departure = replace(COLD, soc=soc, extras=("roof_box",))
+    found = journey(model, departure, (A, FAR), replace(MADE, stations=stations), alternatives=1)
+    shown = found.verdict.p_reserve
+    for one in tw.advise(found).singly:
+        assert one.p_arrive >= 0.05
+        assert one.soc_arrival == (one.whole.soc_arrival if one.whole else one.forecast.soc_arrival)
+        if one.actions[0].code == "other_road":
+            whole = found.roads[int(one.actions[0].value or 0)].whole(0.1)
+            assert (one.p_arrive, one.whole or whole) == (whole.p_reserve, whole)
+            assert one.p_arrive >= shown - 0.01
+        if found.charging is not None:
+            assert one.whole is not None
+            assert one.difference.duration_s == pytest.approx(
+                one.whole.duration_s - found.charging.duration_s
+            )
+
+
+def test_a_road_without_a_station_is_no_advice_for_an_almost_empty_battery(model: tw.ForecastModel) -> None:
+    """The shorter road takes less energy, but the only station is far from it."""
+
+    class Apart(MadeRouter):
+        def roads(self, stops: Sequence[Place], *, alternatives: int = 0) -> tuple[Road, ...]:
+            fast, *_ = super().roads(stops)
+            return (fast, straight(A, B, 80.0, factor=0.9, south_deg=0.3))[: 1 + alternatives]
+
+    atlas = replace(MADE, router=Apart(), stations=(replace(MADE.stations[0], longitude_deg=9.2),))
+    found = journey(model, replace(COLD, soc=0.6), atlas=atlas, alternatives=1)
+    assert found.arrives
+    assert found.roads[1].whole(0.1).p_reserve < 0.2
+    assert "other_road" not in [one.actions[0].code for one in tw.advise(found).singly]
+
+
 def test_what_is_warmed_on_the_plug_is_warm_on_the_first_leg_alone(model: tw.ForecastModel) -> None:
     cold = replace(COLD, soc=0.8, ambient_temperature_degc=-8.0, cabin_temperature_degc=-8.0)
     found = journey(model, cold, (A, FAR), replace(MADE, stations=row(14)))
     assert found.corridor is not None
     warm = next(action for action in actions(found.forecast) if action.code == "preheat_cabin")
     forecast = forecasts_like(found.forecast)(warm.apply_to(found.forecast.plan))
-    plan = replan_with(found.corridor, warm, forecast, found.corridor.road)
+    plan = replan_with(found.corridor, warm, forecast)
     assert plan is not None
     degc = [leg.forecast.plan.departure.cabin_temperature_degc for leg in plan.legs]
     assert degc[0] == pytest.approx(warm.changed["cabin_temperature_degc"])

@@ -17,8 +17,8 @@ A, B = Place(47.0, 9.0, "A"), Place(47.0, 9.8, "B")
 KM_H = 1.0 / 3.6
 
 
-def straight(start, end, speed_km_h=100.0, kind="primary", factor=1.0, level=False):
-    """A road on the straight line between two places, its heights unknown or all alike."""
+def straight(start, end, speed_km_h=100.0, kind="primary", factor=1.0, level=False, south_deg=0.0):
+    """A road on the straight line between two places, or south of it, its heights unknown or all alike."""
     length = factor * start.distance_m(end)
     n = max(round(length / 2000.0), 1)
     edges = Edges(
@@ -37,6 +37,7 @@ def straight(start, end, speed_km_h=100.0, kind="primary", factor=1.0, level=Fal
         )
     line = np.linspace(0.0, 1.0, n + 1)
     latitude = start.latitude_deg + line * (end.latitude_deg - start.latitude_deg)
+    latitude -= south_deg * np.sin(np.pi * line)
     longitude = start.longitude_deg + line * (end.longitude_deg - start.longitude_deg)
     return Road(links, kinds, latitude, longitude, line * length)
 

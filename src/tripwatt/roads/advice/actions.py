@@ -243,8 +243,8 @@ def _load_actions(departure: Departure) -> Iterator[Action]:
         yield Action("less_luggage", "load", "some", lighter, _LUGGAGE_KG)
 
 
-def replan_with(corridor: Corridor, action: Action, forecast: Forecast, road: Road) -> ChargingPlan | None:
-    """Plan the stops of a journey again with an action, given its forecast and road; returns None if no plan is certain enough.
+def replan_with(corridor: Corridor, action: Action, forecast: Forecast) -> ChargingPlan | None:
+    """Plan the stops of a journey again with an action, given its forecast; returns None if no stop helps.
 
     An action on the plug is applied to the first leg only.
     """
@@ -258,7 +258,7 @@ def replan_with(corridor: Corridor, action: Action, forecast: Forecast, road: Ro
         departs_at = before.departs_at + dt.timedelta(seconds=action.value or 0.0)
         departure = replace(departure, departs_at=departs_at)
     forecaster = replace(before, departure=departure, change=change)
-    return fastest_plan(corridor.with_forecast(forecaster, road, forecast))
+    return fastest_plan(corridor.with_forecast(forecaster, forecast))
 
 
 def leaving_later(forecaster: RoadForecaster, road: Road, now: dt.datetime) -> list[tuple[Action, Forecast]]:

@@ -16,7 +16,7 @@ from tripwatt.forecasting.leaving import forecasts_like, soc_needed
 from tripwatt.population import for_car
 from tripwatt.roads.advice.actions import ALONE, EFFORTS, Action, actions, replan_with
 from tripwatt.roads.advice.preheating import CHARGER
-from tripwatt.roads.journey import ChargingPlan, Journey
+from tripwatt.roads.journey import ChargingPlan, Journey, RoadForecast
 from tripwatt.roads.journey.stops import with_stops
 from tripwatt.trips import Departure, Plan, Trip
 from tripwatt.trips.columns import require_fraction
@@ -30,6 +30,8 @@ _MAX_TOGETHER: Final = 3
 """Largest number of actions that are advised together: a choice, because drivers do not do more at once."""
 _MIN_P_LESS: Final = 0.95
 """Smallest chance that an action saves energy at all with which it is advised: a choice, 19 of 20 trips."""
+_MIN_P_ARRIVE: Final = 0.05
+"""Smallest chance to arrive with an action, with which the action is advised: a choice, since one that fails in 19 of 20 trips is no help."""
 _MIN_SAVED_WH: Final = 200.0
 _MIN_SAVED_SHARE: Final = 0.02
 """An action is advised if it saves at least this energy [Wh], and this share of the energy of the trip. Choices: less is not worth the effort."""
@@ -59,11 +61,11 @@ class Advised:
     difference : Difference
         Trip with the actions minus trip without them; negative values are savings.
     soc_arrival : float
-        Expected displayed charge at arrival.
+        Expected displayed charge at arrival, with the stops to charge.
     p_arrive : float
-        Chance to arrive with the reserve.
+        Chance to arrive with the reserve, with the stops to charge.
     whole : ChargingPlan or None
-        The journey with its stops to charge; None for a trip without stops, or if no plan is certain enough.
+        The journey with its stops to charge; None if there are none with and without the actions.
 
     Examples
     --------
@@ -188,7 +190,8 @@ class Advice:
         Sets of actions that reach the required chance, the smallest `cost_min` first. Empty if the trip reaches it as it is, or no set
         does.
     singly : tuple of Advised
-        The mildest action of each group that certainly saves energy, the largest saving first.
+        The mildest action of each group that certainly saves energy, the largest saving first. Each has a chance to arrive of at least
+        5 %, and another road at least that of the road as it is, in whole percents.
     speeds : tuple of SpeedCap
         Highest speeds that certainly save energy, the fastest first; empty for a slow road.
     whole : ChargingPlan or None
@@ -301,10 +304,13 @@ def advise(
         forecast = for_car(model, car).forecast(trip, departure)
     else:
         forecast = _forecast_before_departure(trip, departure, car, model)
-    p_arrive = forecast.p_arrive(reserve)
-    roads = trip.roads[1:] if isinstance(trip, Journey) else ()
-    road_actions = (Action("other_road", "road", "none", {}, float(k)) for k in range(1, len(roads) + 1))
-    ways = [*zip(road_actions, (road.forecast for road in roads), strict=True), *others]
+    p_arrive, roads = forecast.p_arrive(reserve), trip.roads if isinstance(trip, Journey) else ()
+    wholes = [road.whole(reserve) for road in roads]
+    ways = [
+        (Action("other_road", "road", "none", {}, float(k)), road.forecast)
+        for k, (road, plan) in enumerate(zip(roads, wholes, strict=True))
+        if k and round(plan.p_reserve, 2) >= round(wholes[0].p_reserve, 2)
+    ] + [*others]
     trials = _Trials(forecast, reserve)
     leaves = forecast.plan.departure.departs_at or now
     left_s = math.inf if now is None or leaves is None else max((leaves - now).total_seconds(), 0.0)
@@ -314,7 +320,12 @@ def advise(
     differences = ((advised, advised.difference) for advised in candidates)
     saving = [one for one, less in differences if less.p_less >= _MIN_P_LESS and less.energy_wh <= -least_wh]
     mildest = {advised.actions[0].group: advised for advised in reversed(saving)}
-    singly = sorted(mildest.values(), key=lambda advised: advised.difference.energy_wh)
+    counted = [_with_stops(trip, one) if isinstance(trip, Journey) else one for one in mildest.values()]
+    singly = [
+        advised
+        for advised in sorted(counted, key=lambda advised: advised.difference.energy_wh)
+        if advised.difference.energy_wh <= -least_wh and advised.p_arrive >= _MIN_P_ARRIVE
+    ]
     speeds = [
         SpeedCap(cap, advised.difference.duration_s, -advised.difference.energy_wh)
         for advised in saving
@@ -322,27 +333,26 @@ def advise(
     ]
     charge_to = soc_needed(forecast, reserve, chance)
     lacking_wh = (charge_to - float(forecast.along.expected_soc[0])) * forecast.charge.wh_per_display
-    least, whole = list[Advised](), None
-    if p_arrive < chance:
-        least = _smallest_sets(trials, saving, chance, lacking_wh)
-        if isinstance(trip, Journey) and (whole := trip.charging) is not None:
-            counted = [_with_charging_plan(trip, advised) for advised in singly]
-            singly = [advised for advised in counted if advised.difference.energy_wh <= -least_wh]
+    least = _smallest_sets(trials, saving, chance, lacking_wh) if p_arrive < chance else []
+    whole = trip.charging if isinstance(trip, Journey) else None
     return Advice(
         forecast, reserve, chance, p_arrive, charge_to, tuple(least), tuple(singly), tuple(speeds), whole
     )
 
 
-def _with_charging_plan(journey: Journey, advised: Advised) -> Advised:
-    """Add the stops to charge that the journey has with an action; none without a corridor."""
-    (action,), corridor = advised.actions, journey.corridor
-    if corridor is None:
+def _with_stops(journey: Journey, advised: Advised) -> Advised:
+    """Compare a journey and its stops to charge with an action and without it; unchanged if there are no stops."""
+    (action,), (first, *_), corridor = advised.actions, journey.roads, journey.corridor
+    road = RoadForecast(first.road, advised.forecast)
+    if action.group == "road":
+        road = journey.roads[int(action.value or 0)]
+    elif corridor is not None:
+        road = replace(road, charging=replan_with(corridor, action, advised.forecast))
+    whole, before = road.whole(journey.reserve), first.whole(journey.reserve)
+    if not whole.stops and not before.stops:
         return advised
-    road = journey.roads[int(action.value or 0)].road if action.group == "road" else corridor.road
-    whole, before = replan_with(corridor, action, advised.forecast, road), journey.charging
-    if whole is None or before is None:
-        return advised
-    return replace(advised, whole=whole, difference=with_stops(advised.difference, whole, before))
+    difference, arrival = with_stops(advised.difference, whole, before), whole.soc_arrival
+    return replace(advised, whole=whole, difference=difference, soc_arrival=arrival, p_arrive=whole.p_reserve)
 
 
 def _forecast_before_departure(trip: Journey | Forecast, *other_arguments: object) -> Forecast:

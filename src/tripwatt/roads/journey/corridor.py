@@ -128,10 +128,9 @@ class Corridor:
     _widths: dict[float, FloatArray] = field(default_factory=dict)
     _leg_needs: dict[tuple[Leg, float, float], tuple[float, float]] = field(default_factory=dict)
 
-    def with_forecast(self, forecaster: RoadForecaster, road: Road, forecast: Forecast) -> Corridor:
-        """Return a corridor with the same rules for another road or another forecast."""
-        corridor = replace(self, forecaster=forecaster, road=road, forecast=forecast)
-        return replace(corridor, routed={}, _widths={}, _leg_needs={})
+    def with_forecast(self, forecaster: RoadForecaster, forecast: Forecast) -> Corridor:
+        """Return a corridor with the same road and rules for another forecast."""
+        return Corridor(forecaster, self.road, forecast, self.atlas, self.rules, self.via)
 
     @cached_property
     def _stations_along(self) -> list[tuple[float, Station]]:
@@ -178,26 +177,14 @@ class Corridor:
         InvalidInput
             If there is no station for the car at a chosen place.
         """
-        spans, faults = [], []
-        for at, place in self._chosen:
-            nodes = [
-                node
-                for node, (position, station) in enumerate(self._stations_along, 1)
-                if abs(position - at) < 1.0 and _is_at(place, station)
-            ]
-            if nodes:
-                spans.append((nodes[0], nodes[-1]))
-            else:
-                faults.append(
-                    Fault(
-                        "no charging station for this car",
-                        place.title,
-                        "",
-                        "a station with a plug of the car",
-                    )
-                )
-        raise_faults(faults)
-        return spans
+        along = list(enumerate(self._stations_along, 1))
+        chosen = [
+            (place.title, [k for k, (p, station) in along if abs(p - at) < 1.0 and _is_at(place, station)])
+            for at, place in self._chosen
+        ]
+        what, allowed = "no charging station for this car", "a station with a plug of the car"
+        raise_faults(Fault(what, title, "", allowed) for title, nodes in chosen if not nodes)
+        return [(nodes[0], nodes[-1]) for _, nodes in chosen]
 
     def _with_choice(self, problem: StopProblem) -> StopProblem:
         """Return the problem without legs past a chosen station, and with the cost of stations of other networks in the time."""

@@ -551,9 +551,11 @@ def journey_with(
     }
     for k, corridor in corridors.items() if len(roads) > 1 else ():
         roads[k] = replace(roads[k], charging=fastest_plan(corridor))
-    wholes = (road.whole(options.reserve) for road in roads)
-    # first the roads on which the car arrives, the fastest with its stops first
-    ranks = ((is_planned and plan.p_reserve < CERTAIN, plan.duration_s, k) for k, plan in enumerate(wholes))
+    # first the roads on which the car arrives, the fastest with its stops first; then those with the higher chance
+    lacking = [max(CERTAIN - road.whole(options.reserve).p_reserve, 0.0) * is_planned for road in roads]
+    ranks = (
+        (p > 0.0, round(p, 2), roads[k].whole(options.reserve).duration_s, k) for k, p in enumerate(lacking)
+    )
     order = [k for *_, k in sorted(ranks)]
     chosen = corridors.get(order[0])
     plans = find_plans(chosen) if chosen else ()

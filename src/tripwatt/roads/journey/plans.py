@@ -67,8 +67,9 @@ def find_plans(corridor: Corridor) -> tuple[ChargingPlan, ...]:
 
 
 def fastest_plan(corridor: Corridor) -> ChargingPlan | None:
-    """Find the fastest plan with stops, by the first search alone; returns None if no plan has the required chance."""
-    return _best_certain_plan(corridor, "fastest", _LEG_RISKS[1])[0]
+    """Find the fastest plan with stops by the first search alone, else the plan of best effort; returns None if no station helps."""
+    certain, _ = _best_certain_plan(corridor, "fastest", _LEG_RISKS[1])
+    return certain or next(iter(_best_effort_plans(corridor)), None)
 
 
 def _best_certain_plan(corridor: Corridor, label: str, risk: float) -> tuple[ChargingPlan | None, float]:

@@ -76,13 +76,13 @@ class AdvisedDocument(schemas.ResponseModel):
     difference: DifferenceDocument
     soc_arrival: float
     p_arrive: float
-    """chance to arrive with the reserve"""
+    """chance to arrive with the reserve, with the stops to charge"""
     effort: Literal["none", "little", "some", "much"]
     wall_wh: float
     saves: Literal["energy", "range"]
     """range: the battery holds longer, but in all the plug gives more"""
     whole: JourneyInShort | None
-    """with it; null for a trip without stops to charge, or where no plan is sure enough"""
+    """with it, as `difference` has it; null where no stops to charge are needed with and without it"""
 
 
 class SpeedCapDocument(schemas.ResponseModel):
@@ -108,9 +108,9 @@ class AdviceResponse(schemas.ResponseModel):
     least: list[AdvisedDocument]
     """the smallest sets of actions that reach the chance"""
     singly: list[AdvisedDocument]
-    """the mildest action of each group that saves for sure, the largest saving first"""
+    """the mildest action of each group that saves for sure and arrives in at least 5 % of trips, the largest saving first; another road has at least the chance of this one"""
     whole: JourneyInShort | None
-    """null for a trip without stops to charge"""
+    """the fastest plan of stops, with which `singly` is compared; null for a trip without stops to charge"""
     speeds: list[SpeedCapDocument]
     """highest speeds that save for sure, the fastest first; empty for a slow road"""
     flags: list[FlagDocument]
