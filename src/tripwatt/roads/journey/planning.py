@@ -42,6 +42,9 @@ _MOTORWAY_SPEEDS_KM_H: Final = (130.0, 120.0, 110.0, 100.0, 90.0, 80.0)
 _CHEAPER_KM_H: Final = 100.0
 """The cost of speed is the energy taken by driving faster than this on motorways. A choice."""
 
+_SAME_TIME_S: Final = 300.0
+"""Roads whose times differ by at most this count as equally fast if the car has to charge: a choice, the time of plugging in once."""
+
 _MIN_MOTORWAY_M: Final = 1000.0
 """Journeys with less motorway get no advice on speed: a choice, because it would change nothing."""
 
@@ -110,7 +113,8 @@ class RoadForecast:
     forecast : Forecast
         Forecast of the energy on the road.
     labels : tuple of str
-        Those of "fastest", "shortest" and "least energy" that apply, with the time and energy of stops.
+        Those of "fastest", "shortest" and "least energy" that apply, with the time and energy of stops. The fastest and that with the
+        least energy are roads on which the car arrives as surely as on the first.
     charging : ChargingPlan or None
         The fastest plan with stops to charge on this road; None if the charge suffices, stops do not help, or none are planned.
 
@@ -234,7 +238,8 @@ class Journey:
     stops : tuple of Place
         Places of the journey, as they were found.
     roads : tuple of RoadForecast
-        Roads with their forecasts, the fastest with its stops first. The answers are about this road.
+        Roads with their forecasts, the fastest with its stops first, or one of at most 5 min more with fewer stops. The answers are about
+        this road.
     reserve : float
         Displayed state of charge to arrive with.
     soc_needed : float
@@ -551,12 +556,7 @@ def journey_with(
     }
     for k, corridor in corridors.items() if len(roads) > 1 else ():
         roads[k] = replace(roads[k], charging=fastest_plan(corridor))
-    # first the roads on which the car arrives, the fastest with its stops first; then those with the higher chance
-    lacking = [max(CERTAIN - road.whole(options.reserve).p_reserve, 0.0) * is_planned for road in roads]
-    ranks = (
-        (p > 0.0, round(p, 2), roads[k].whole(options.reserve).duration_s, k) for k, p in enumerate(lacking)
-    )
-    order = [k for *_, k in sorted(ranks)]
+    order = _order([road.whole(options.reserve) for road in roads], is_planned)
     chosen = corridors.get(order[0])
     plans = find_plans(chosen) if chosen else ()
     if roads[order[0]].forecast.p_arrive(options.reserve) >= CERTAIN:
@@ -577,6 +577,23 @@ def journey_with(
         journey = replace(journey, corridor=chosen if plans else None, flags=flags)
     costs = [_leg_costs(leg, forecaster) for leg in first.whole(options.reserve).legs]
     return replace(journey, costs_wh={cause: sum(cost[cause] for cost in costs) for cause in costs[0]})
+
+
+def _order(plans: Sequence[ChargingPlan], is_planned: bool) -> list[int]:
+    """Return the order of roads by their plans: those that arrive first, then those with the higher chance, each from the fastest on.
+
+    If the first has stops, of the roads that take at most `_SAME_TIME_S` more, the one with the fewest stops comes first, then the one
+    with the least energy.
+    """
+    lacking = [max(CERTAIN - plan.p_reserve, 0.0) * is_planned for plan in plans]
+    ranks = [(p > 0.0, round(p, 2), plans[k].duration_s, plans[k].energy_wh) for k, p in enumerate(lacking)]
+    order = sorted(range(len(plans)), key=ranks.__getitem__)
+    *chance, fastest_s, _ = ranks[order[0]]
+    near = [k for k in order if [*ranks[k][:2]] == chance and ranks[k][2] <= fastest_s + _SAME_TIME_S]
+    if not plans[order[0]].stops:
+        return order
+    first = min(near, key=lambda k: (len(plans[k].stops), plans[k].energy_wh))
+    return [first, *(k for k in order if k != first)]
 
 
 def _far_from_road(stops: Sequence[Place], road: Road) -> tuple[Flag, ...]:
@@ -619,11 +636,13 @@ def _charging_flags(corridor: Corridor | None, plans: tuple[ChargingPlan, ...]) 
 
 
 def _label_roads(roads: list[RoadForecast], reserve: float) -> tuple[RoadForecast, ...]:
-    """Label the fastest of roads in their order, the shortest, and the one with the least energy."""
+    """Label the fastest and the one with the least energy of the roads on which the car arrives as surely as on the first, and the shortest."""
+    wholes = [road.whole(reserve) for road in roads]
+    sure = [k for k, plan in enumerate(wholes) if plan.p_reserve >= min(wholes[0].p_reserve, CERTAIN)]
     index_by_label = {
-        "fastest": 0,
+        "fastest": min(sure, key=lambda k: wholes[k].duration_s),
         "shortest": int(np.argmin([road.road.distance_m for road in roads])),
-        "least energy": int(np.argmin([road.whole(reserve).energy_wh for road in roads])),
+        "least energy": min(sure, key=lambda k: wholes[k].energy_wh),
     }
     return tuple(
         replace(road, labels=tuple(label for label, index in index_by_label.items() if index == k))

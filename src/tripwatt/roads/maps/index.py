@@ -132,16 +132,8 @@ def _rows(named: Sequence[Named], nearest: _Nearest) -> Iterator[tuple[Any, ...]
             name = f"{item.street} {name}"
         elif name == context:
             context = nearest.beside(item)
-        also = SEPARATOR.join(item.also)
-        yield (
-            KINDS.index(item.kind),
-            name,
-            context,
-            item.latitude_deg,
-            item.longitude_deg,
-            also,
-            item.population,
-        )
+        rest = item.latitude_deg, item.longitude_deg, SEPARATOR.join(item.also), item.population
+        yield KINDS.index(item.kind), name, context, *rest
 
 
 def _merged(rows: Iterable[tuple[Any, ...]], nearest: _Nearest) -> Iterator[tuple[Any, ...]]:
