@@ -1,6 +1,6 @@
 /** Documents of the service by the names that the page has for them; `types.ts` comes from its OpenAPI document. */
 
-import type { ForecastRequest, ProblemDocument } from "../../generated/types";
+import type { ChargingDocument, ForecastRequest, ProblemDocument, RoadDocument } from "../../generated/types";
 
 /** Those that have a name of their own in the page; the others keep theirs. */
 export type * from "../../generated/types";
@@ -36,12 +36,14 @@ export type {
   PlaceDocument as Place,
   ProblemFault as Fault,
   ReachResponse as Reach,
-  RoadDocument as Road,
   RouteResponse as Route,
   VehicleFigures as Figures,
   VehicleSummary as Vehicle,
   ViewResponse as MapView,
 } from "../../generated/types";
+
+/** A road; the stops of its plan are not there if the service does not give them. */
+export type Road = RoadDocument & { charging?: ChargingDocument | null };
 
 /** A problem of the service, or one that the page itself found. */
 export type Problem = Omit<ProblemDocument, "type"> & {

@@ -3,6 +3,9 @@
 import type { ChargingPlan, Forecast } from "../api/documents";
 import { arrivalBand, chanceAtAll, chanceOf, type Verdict, verdictOf } from "./arrival";
 
+/** Reason of a verdict: the reserve counts from the first stop on. */
+export const BELOW = "leaves_below_reserve";
+
 export interface Answer {
   /** To arrive at all. */
   pArrive: number;
@@ -15,6 +18,8 @@ export interface Answer {
   drivingS: number;
   /** With the time to begin and to end each stop. */
   chargingS: number;
+  /** Of it, to begin and to end the stops. */
+  overheadS: number;
   charges: number;
 }
 
@@ -29,6 +34,7 @@ export function answerOf(forecast: Forecast, reserve: number): Answer {
     distanceM: series.distance_m.at(-1) as number,
     drivingS: series.time_s.at(-1) as number,
     chargingS: 0,
+    overheadS: 0,
     charges: 0,
   };
 }
@@ -44,6 +50,7 @@ export function answerWithStops(plan: ChargingPlan): Answer {
     distanceM: plan.course.position_m.at(-1) ?? 0,
     drivingS: plan.driving_s,
     chargingS: plan.charging_s,
+    overheadS: plan.stops.reduce((sum, { overhead_s }) => sum + overhead_s, 0),
     charges: plan.stops.length,
   };
 }

@@ -1,18 +1,19 @@
 /** What is shown of the trip as a whole: of its road, or of its plan with charging stops. */
 
-import { computed } from "@preact/signals";
+import { computed, effect, signal } from "@preact/signals";
 import type { ChargingPlan, Course } from "../api/documents";
 import { type Answer, answerOf, answerWithStops, decisiveChance } from "../model/answer";
 import { verdictOf } from "../model/arrival";
 import { conditions } from "./conditions";
 import { driving, shownForecast } from "./drive";
-import { mode, problem, requested } from "./forecast";
-import { answersAreOld, chargingPlans, chosenCharging, chosenRoad, isOfForm } from "./journey";
+import { forecastIsOld, mode, problem, requested } from "./forecast";
+import { answersAreOld, chargingPlans, chosenCharging, isOfForm, map } from "./journey";
+import { needIsOld } from "./need";
 import { trip } from "./trip";
 
-/** The plan with charging stops that is shown: of a journey whose quickest road needs one. */
+/** The plan with charging stops that is shown: of a journey whose road needs one. */
 export const chargingPlan = computed((): ChargingPlan | null => {
-  if (!trip.value?.stops || mode.value !== "plan" || chosenRoad.value !== 0) return null;
+  if (!trip.value?.stops || mode.value !== "plan") return null;
   return chargingPlans.value[chosenCharging.value] ?? chargingPlans.value[0] ?? null;
 });
 
@@ -29,9 +30,32 @@ export const isOfOtherPlaces = computed(() => !isOfForm.value && !trip.value?.is
 export const isLookingForStops = computed(() => {
   const now = answer.value;
   if (!now || chargingPlan.value || !trip.value?.stops || !answersAreOld.value) return false;
-  if (problem.value || !isOfForm.value) return false;
+  if (problem.value || !isOfForm.value || map.value?.stations === 0) return false;
   return !trip.value.isDraft && verdictOf(decisiveChance(now)) !== "good";
 });
+
+/** An answer that takes longer is called old [ms]: one that follows a slider does not flicker. */
+const LATE_MS = 400;
+
+const isOld = computed(() => {
+  if (problem.value || !trip.value) return false;
+  if (trip.value.distance) return needIsOld.value;
+  return forecastIsOld.value || (chargingPlan.value !== null && answersAreOld.value);
+});
+
+/** Whether what is shown is of earlier conditions, and has been for a while. */
+export const isLate = signal(false);
+
+export function keepLate(): void {
+  effect(() => {
+    isLate.value = false;
+    if (!isOld.value) return;
+    const timer = setTimeout(() => {
+      isLate.value = true;
+    }, LATE_MS);
+    return () => clearTimeout(timer);
+  });
+}
 
 /** Charge along the way, of the plan with stops or of the forecast. */
 export const course = computed((): Course | null => {

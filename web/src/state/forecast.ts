@@ -64,6 +64,8 @@ export const requested = signal<{ at: Conditions; other: Other }>({
 export const leaving = signal<LeaveWith | null>(null);
 /** Whether the conditions have changed since. */
 export const leavingIsOld = signal(false);
+/** Whether the forecast is of earlier conditions. */
+export const forecastIsOld = signal(false);
 export const problem = signal<Problem | null>(null);
 export const profile = signal<Profile | null>(null);
 
@@ -111,6 +113,7 @@ function showRoad(): void {
 export function chooseRoad(index: number): void {
   batch(() => {
     chosenRoad.value = index;
+    chosenCharging.value = 0;
     showRoad();
   });
 }
@@ -129,6 +132,7 @@ async function runJourney(job: ForecastJob, otherAt: Conditions | null, signal: 
       wholes.value = null;
       requested.value = { at: job.at, other: job.other };
       problem.value = null;
+      forecastIsOld.value = runner.isWaiting;
       showRoad();
     });
   const compare = async () => {
@@ -172,6 +176,7 @@ const runner = new Latest<ForecastJob>(async (job, signal) => {
       problem.value = null;
       difference.value = wholes.value = null;
       leavingIsOld.value = true;
+      forecastIsOld.value = runner.isWaiting;
     });
     if (runner.isWaiting) return;
     if (otherAt) {
@@ -227,6 +232,7 @@ export function keepForecasting(): void {
     }
     if (now.distance) return;
     const job = { trip: now, at, other: other.value, compares, car: car.value };
+    forecastIsOld.value = true;
     untracked(() => runner.submit(job));
   });
 }

@@ -3,7 +3,7 @@
 import { computed, effect, signal, untracked } from "@preact/signals";
 import { findReach, getMap, planJourney } from "../api/client";
 import { Latest } from "../api/latest";
-import type { ChargingPlan, Journey, JourneyRequest, MapInfo, Place, Reach } from "../api/documents";
+import type { ChargingPlan, Journey, JourneyRequest, MapInfo, Place, Reach, Road } from "../api/documents";
 import { type End, type Field, type Point, pointAlong } from "../model/road";
 import { isSame, NO_CHOICE, type StationChoice } from "../model/stations";
 import { car } from "./car";
@@ -33,10 +33,12 @@ export const chosenRoad = signal(0);
 /** Index of the plan of charging stops that is shown, of `chargingPlans`. */
 export const chosenCharging = signal(0);
 
-/** The quickest plan with charging stops and the other ones; empty where none is needed, or none found. */
+/** The quickest plan with charging stops of the road that is shown, and other ones of the first road; empty where none is needed, or none found. */
 export const chargingPlans = computed((): ChargingPlan[] => {
-  const { charging, charging_alternatives: others } = journey.value ?? {};
-  return charging ? [charging, ...(others ?? [])] : [];
+  const { charging, charging_alternatives: others = [], roads = [] } = journey.value ?? {};
+  const road: Road | undefined = chosenRoad.value > 0 ? roads[chosenRoad.value] : undefined;
+  if (road) return road.charging ? [road.charging] : [];
+  return charging ? [charging, ...others] : [];
 });
 /** Whether the next journey is brought into view: one of the form, not one whose ends were placed on the map. */
 export const wantsFit = signal(false);

@@ -1,7 +1,7 @@
 import { useEffect, useState } from "preact/hooks";
 import { emptyAfterM, likelihoodOf } from "../model/arrival";
 import { PERCENT } from "../model/units";
-import { answer, chargingPlan, isLookingForStops } from "../state/answer";
+import { answer, chargingPlan, isLate, isLookingForStops } from "../state/answer";
 import { shownForecast, arrived, playing } from "../state/drive";
 import { problem } from "../state/forecast";
 import { format, text, units } from "../state/preferences";
@@ -12,7 +12,7 @@ const SETTLED_MS = 700;
 function sentence(): string {
   const of = shownForecast.value;
   const now = answer.value;
-  if (problem.value || !of || !now || isLookingForStops.value) return "";
+  if (problem.value || !of || !now || isLate.value || isLookingForStops.value) return "";
   const { result, chance } = text.value;
   const soc = format.value.shown(now.soc, PERCENT);
   if (arrived.value) return result.announcedArrival(soc);

@@ -142,7 +142,7 @@ function differenceText(first: Totals, second: Totals, names: [string, string]):
     parts.push(compare.lessEnergy(shown(savedWh, ENERGY)) + inTrips);
   }
   if (longerS >= MIN_SHOWN_S) parts.push(journey.longer(duration(longerS)));
-  if (longerS <= -MIN_SHOWN_S) parts.push(journey.shorter(duration(-longerS)));
+  if (longerS <= -MIN_SHOWN_S) parts.push(journey.less(duration(-longerS)));
   return `${compare.instead(name, otherName)}: ${parts.join(", ") || compare.noDifference}.`;
 }
 

@@ -2,7 +2,7 @@ import { useEffect, useState } from "preact/hooks";
 import { decisiveChance } from "../model/answer";
 import { emptyAfterM } from "../model/arrival";
 import { PERCENT } from "../model/units";
-import { answer, chargingPlan, isLookingForStops } from "../state/answer";
+import { answer, chargingPlan, isLate, isLookingForStops } from "../state/answer";
 import { source } from "../state/catalogue";
 import { shownForecast } from "../state/drive";
 import { format, text, units } from "../state/preferences";
@@ -22,8 +22,9 @@ export function Glance() {
   const now = answer.value;
   if (!of || !now || !isHidden || isLookingForStops.value || source.value === "distance") return null;
   const emptyM = chargingPlan.value ? null : emptyAfterM(of);
-  const { result } = text.value;
+  const { result, verdict } = text.value;
   const { shown } = format.value;
+  if (isLate.value) return <div class="glance">{verdict.calculating}</div>;
   return (
     <div class="glance" aria-hidden="true">
       <strong>{shown(emptyM === null ? now.soc : 0, PERCENT)}</strong>

@@ -1,24 +1,35 @@
-import type { ChargingPlan, Journey, Stop } from "../api/documents";
+import type { ChargingPlan, Journey, Road, Stop } from "../api/documents";
+import { hundredthsOf, verdictOf } from "../model/arrival";
+import { BELOW } from "../model/answer";
 import { ENERGY, PERCENT, POWER } from "../model/units";
 import { chargingPlan, clock, isOfOtherPlaces } from "../state/answer";
-import { chooseRoad } from "../state/forecast";
+import { chooseRoad, requested } from "../state/forecast";
 import { answersAreOld, chargingPlans, chosenCharging, chosenRoad, journey } from "../state/journey";
 import { format, text, units } from "../state/preferences";
 import { trip } from "../state/trip";
 import { Choice } from "./choice";
 import { into } from "./parts";
 import { StationActions } from "./station-panel";
-import { chanceInFigures, clockText, rangeWithUnit } from "./wording";
+import { chanceInFigures, clockText, rangeWithUnit, upwards } from "./wording";
 
 /** Smaller differences between roads are none. */
 const MIN_SHOWN_S = 30;
+const MINUTE_S = 60;
 const MIN_SHOWN_WH = 10;
+/** So few of a hundred trips are none. */
+const DOES_NOT = 5;
+
+/** What is no merit of a road that does not arrive. */
+// eslint-disable-next-line page/text -- a label of the service
+const MERIT = "least energy";
 
 /** What a road is, such as "fastest"; a number where the service gives no label. */
 export function labelOf({ roads }: Journey, index: number): string {
   const { journey: words } = text.value;
   const names: Record<string, string> = words.labels;
-  const labels = (roads[index]?.labels ?? []).map((label) => names[label] ?? label);
+  const { labels: given = [], whole } = roads[index] ?? {};
+  const isBad = whole && verdictOf(whole.p_reserve) === "bad";
+  const labels = given.filter((label) => !isBad || label !== MERIT).map((label) => names[label] ?? label);
   return labels.join(", ") || words.road(index + 1);
 }
 
@@ -32,7 +43,7 @@ function figuresText(times: readonly number[], energies: readonly number[], inde
   const parts = [
     Math.abs(s - s0) < MIN_SHOWN_S
       ? words.sameTime
-      : words[s > s0 ? "longer" : "shorter"](duration(Math.abs(s - s0))),
+      : words[s > s0 ? "longer" : "less"](duration(Math.abs(s - s0))),
     Math.abs(wh - wh0) < MIN_SHOWN_WH
       ? words.sameEnergy
       : words[wh > wh0 ? "more" : "less"](shown(Math.abs(wh - wh0), ENERGY)),
@@ -40,25 +51,42 @@ function figuresText(times: readonly number[], energies: readonly number[], inde
   return parts.join(" · ");
 }
 
-/** The roads of a journey to choose from: the first with its time and energy, the others with what differs. */
+/** How likely a road keeps the reserve, where that is in doubt. */
+function Doubt({ chance }: { chance: number }) {
+  const { journey, result } = text.value;
+  const verdict = verdictOf(chance);
+  if (verdict === "good") return <small class="unseen">{chanceInFigures(chance)}</small>;
+  const isNone = hundredthsOf(chance).count < DOES_NOT;
+  return (
+    <small class={`doubt-${verdict}`}>
+      {isNone ? journey.doesNotArrive : result.glanceReserve(chanceInFigures(chance))}
+    </small>
+  );
+}
+
+/** The roads of a journey to choose from: the first with its time and energy, the others with what differs; of one that does not arrive there is nothing to gain. */
 function Roads({ of }: { of: Journey }) {
   const { shown } = format.value;
   const times = of.roads.map(({ whole }) => whole.duration_s);
   const energies = of.roads.map(({ whole }) => whole.energy_wh);
-  const options = of.roads.map(
-    ({ distance_m, whole }, k) =>
-      [
-        k,
-        <>
-          <b>{labelOf(of, k)}</b>
-          <small>
-            {figuresText(times, energies, k)} · {shown(distance_m, units.value.distance)}
-            {whole.charges > 0 && ` · ${text.value.journey.stops(whole.charges)}`}
-          </small>
-          <small class="unseen">{chanceInFigures(whole.p_reserve)}</small>
-        </>,
-      ] as const,
-  );
+  const options = of.roads.map((road: Road, k) => {
+    const { whole, distance_m, charging = null } = road;
+    const { course } = (k === 0 ? of.charging : charging) ?? {};
+    const wayM = course?.position_m.at(-1) ?? distance_m;
+    const figures = [
+      verdictOf(whole.p_reserve) !== "bad" && figuresText(times, energies, k),
+      shown(wayM, units.value.distance, wayM < 100_000 ? 1 : 0),
+      whole.charges > 0 && text.value.journey.stops(whole.charges),
+    ];
+    return [
+      k,
+      <>
+        <b>{labelOf(of, k)}</b>
+        <small>{figures.filter(Boolean).join(" · ")}</small>
+        <Doubt chance={whole.p_reserve} />
+      </>,
+    ] as const;
+  });
   return (
     <Choice
       label={text.value.journey.roads}
@@ -99,9 +127,11 @@ function Plans({ plans }: { plans: ChargingPlan[] }) {
   );
 }
 
-function StopRow({ of }: { of: Stop }) {
+function StopRow({ of, isFirst }: { of: Stop; isFirst: boolean }) {
   const { journey: words } = text.value;
-  const { shown, span } = format.value;
+  const { duration, shown, span } = format.value;
+  const { reserve } = requested.value.at;
+  const reached = isFirst && journey.value?.verdict.reason === BELOW ? words.reachedAtAll : words.reached;
   const { station, if_full: full } = of;
   const at = clock.value;
   const known = station.power_known ? "" : ` (${text.value.map.assumed})`;
@@ -112,7 +142,7 @@ function StopRow({ of }: { of: Stop }) {
   return (
     <li>
       <h4>
-        {station.name || words.station}
+        {station.name || words.unnamedStation}
         <span class="figures">
           {power}
           {` · ${shown(of.position_m, units.value.distance, 0)}`}
@@ -122,21 +152,21 @@ function StopRow({ of }: { of: Stop }) {
       <p>
         <b>
           {words.chargeFor(shown(of.soc_arrival, PERCENT), shown(of.soc_leave, PERCENT), span(of.charging_s))}
-        </b>{" "}
+        </b>
         <span class="figures">
+          {" · "}
           {words.arriveThere(rangeWithUnit(of.soc_interval, PERCENT))} ·{" "}
-          {words.reached(chanceInFigures(of.p_reach))}
+          {reached(chanceInFigures(of.p_reach))}
           {of.preheat && ` · ${words.preheat}`}
-          {of.needed_below < 1 &&
-            ` · ${words.neededBelow(`${Math.ceil(PERCENT.from(of.needed_below))}\u00a0%`)}`}
+          {of.needed_below <= of.soc_interval[1] && ` · ${words.neededBelow(upwards(of.needed_below))}`}
         </span>
       </p>
       <p class="note">
         {full
           ? words.ifFull(
-              full.station.name || words.station,
-              shown(full.soc_arrival, PERCENT),
-              full.more_s < MIN_SHOWN_S ? words.sameTime : words.longer(span(full.more_s)),
+              full.station.name || words.unnamedStation,
+              (full.soc_arrival < reserve ? words.only : String)(shown(full.soc_arrival, PERCENT)),
+              full.more_s < MINUTE_S ? words.sameTime : words.longer(duration(full.more_s)),
               chanceInFigures(full.p_reach),
             )
           : words.noneIfFull}
@@ -162,12 +192,12 @@ export function JourneyAnswer() {
       {plan && plans.length > 1 && <Plans plans={plans} />}
       {plan && (
         <ol class="stops">
-          {plan.stops.map((stop) => (
-            <StopRow key={stop.position_m} of={stop} />
+          {plan.stops.map((stop, k) => (
+            <StopRow key={stop.position_m} of={stop} isFirst={k === 0} />
           ))}
         </ol>
       )}
-      {roads && plans.length > 0 && <h3>{words.roadsWithoutStops}</h3>}
+      {roads && plans.length > 0 && <h3>{words.roads}</h3>}
       {roads}
     </section>
   );

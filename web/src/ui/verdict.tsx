@@ -1,15 +1,17 @@
 /** The first thing that a driver reads: whether the trip arrives, with what, when, and what to do. */
 
-import type { ChargingPlan, Forecast, Stop } from "../api/documents";
-import { type Answer, decisiveChance, verdictOfAnswer } from "../model/answer";
-import { emptyAfterM, type Verdict } from "../model/arrival";
+import { computed } from "@preact/signals";
+import type { Forecast, Stop } from "../api/documents";
+import { type Answer, BELOW, decisiveChance, verdictOfAnswer } from "../model/answer";
+import { emptyAfterM, socFromEnergy, type Verdict } from "../model/arrival";
 import { warningsOf } from "../model/flags";
 import { ENERGY, PERCENT } from "../model/units";
 import { source } from "../state/catalogue";
-import { answer, chargingPlan, clock, isLookingForStops, isOfOtherPlaces } from "../state/answer";
+import { conditions } from "../state/conditions";
+import { answer, chargingPlan, clock, isLate, isLookingForStops, isOfOtherPlaces } from "../state/answer";
 import { arrived, driving, shownForecast } from "../state/drive";
 import { alternative, leaving, leavingIsOld, mode, problem, requested } from "../state/forecast";
-import { answersAreOld, chargingPlans, journey } from "../state/journey";
+import { answersAreOld, chargingPlans, chosenRoad, journey, map } from "../state/journey";
 import { format, text, units } from "../state/preferences";
 import { trip } from "../state/trip";
 import { Chance } from "./chance";
@@ -21,7 +23,7 @@ import { NeedAnswer, needSentence, needVerdict } from "./need";
 import { Stat } from "./parts";
 import { ShareTools } from "./share";
 import { Warnings } from "./warnings";
-import { clockText, range, rangeWithUnit } from "./wording";
+import { clockParts, clockText, range, rangeWithUnit, upwards } from "./wording";
 
 /** Chances between these are an open question. */
 const OPEN = [0.05, 0.95] as const;
@@ -29,13 +31,20 @@ const OPEN = [0.05, 0.95] as const;
 /** What is said of a road without its charging stops. */
 const EMPTY = "battery_empty";
 
+/** From this chance on a trip arrives probably. */
+const PROBABLE = 0.8;
+
+/** Who has less, or less than the reserve, is no longer asked to leave with more. */
+const LOW_SOC = 0.2;
+
+/** Nearer places are told with a digit more [m]. */
+const NEAR_M = 10_000;
+
 /** A smaller charge is 0 % as it is shown. */
 const SHOWN_SOC = 0.005;
 
 /** The reason of a verdict that would be good if the heights of the road were known. */
 const HEIGHTS = "unknown_heights";
-/** The reserve counts from the first stop on. */
-const BELOW = "leaves_below_reserve";
 
 /** What the service names first about the journey that is shown. */
 function reasonOfJourney(): string | undefined {
@@ -52,16 +61,17 @@ function shownVerdict(now: Answer): Verdict {
 function sentence(now: Answer): string {
   const { verdict: words } = text.value;
   if (isLookingForStops.value) return words.looking;
-  if (shownVerdict(now) === "good") {
-    const isRound = trip.value?.isRound ?? false;
-    if (now.charges > 0) return words.withStops(now.charges, isRound);
-    return isRound ? words.arrivesBack : words.arrives;
-  }
-  if (reasonOfJourney() === HEIGHTS) return words.probably;
+  const isRound = trip.value?.isRound ?? false;
+  const stops = now.charges > 0 ? words.withStops(now.charges) : "";
+  if (shownVerdict(now) === "good") return (isRound ? words.arrivesBack : words.arrives) + stops;
+  const probably = (isRound ? words.probablyBack : words.probably) + stops;
+  if (reasonOfJourney() === HEIGHTS) return probably;
   if (now.pArrive >= OPEN[1]) return words.belowReserve;
+  if (decisiveChance(now) >= PROBABLE) return probably;
   if (decisiveChance(now) >= 0.5) return words.perhaps;
   if (now.pArrive >= 0.5) return words.mostlyBelow;
-  return now.charges > 0 ? words.notWithStops : words.not;
+  if (now.charges > 0) return words.notWithStops;
+  return now.pArrive >= OPEN[0] ? words.probablyNot : words.not;
 }
 
 /** Where a battery that is expected to run empty does so, and what it lacks. */
@@ -78,29 +88,36 @@ function Empty({ of, afterM }: { of: Forecast; afterM: number }) {
     <>
       {result.emptyAfter(shown(afterM, distance, 0))}
       {ends}
-      <span class="missing">{result.missing(shown(expected, ENERGY), range([least, most], ENERGY, 1))}</span>
+      <span class="missing">
+        {result.missing(shown(expected, ENERGY, 1), range([least, most], ENERGY, 1))}
+      </span>
       {best >= SHOWN_SOC && <span class="missing">{result.atBest(shown(best, PERCENT))}</span>}
     </>
   );
 }
 
-/** Clock time of arrival, time and energy of the whole trip. */
-function Whole({ now }: { now: Answer }) {
+/** Clock time of arrival, time and energy of the whole trip; no arrival where the battery is empty before. */
+function Whole({ now, isEmpty }: { now: Answer; isEmpty: boolean }) {
   const { verdict: words, result } = text.value;
   const { duration, shown } = format.value;
   const at = clock.value;
+  const [time, day] = at ? clockParts(at.arrives, at.isNow ? at.leaves : new Date()) : [];
+  const pluggedS = now.chargingS - now.overheadS;
   const km = shown(now.distanceM, units.value.distance, now.distanceM < 100_000 ? 1 : 0);
   return (
     <dl class="whole">
-      {at && (
+      {at && !isEmpty && (
         <Stat label={words.arrivesAt}>
-          {clockText(at.arrives, at.isNow ? at.leaves : new Date())}
+          {time}
+          {day && <small>{day}</small>}
           {at.isNow && <small>{words.leavingNow}</small>}
         </Stat>
       )}
       <Stat label={words.duration}>
         {duration(now.drivingS + now.chargingS)}
-        <small>{now.chargingS > 0 ? words.ofItCharging(duration(now.chargingS)) : km}</small>
+        <small>
+          {now.chargingS > 0 ? words.ofItCharging(duration(pluggedS), duration(now.overheadS)) : km}
+        </small>
       </Stat>
       <Stat label={result.energy}>
         {shown(now.energyWh, ENERGY)}
@@ -119,7 +136,8 @@ function reasonText(): string | null {
     return text.value.verdict.leavesBelow(reserve, chargingPlan.value !== null);
   }
   // the other reasons are of the plan that the verdict of the service is about
-  const isFirst = chargingPlan.value !== null && chargingPlan.value === chargingPlans.value[0];
+  const isFirst =
+    chosenRoad.value === 0 && chargingPlan.value !== null && chargingPlan.value === chargingPlans.value[0];
   const reasons: Record<string, string> = text.value.verdict.reasonsWithStops;
   return (isFirst && reason && reasons[reason]) || null;
 }
@@ -141,7 +159,7 @@ function Headline({ of, now, isOld }: { of: Forecast; now: Answer; isOld: boolea
         </span>
         <span class="range">{emptyM === null ? detail : <Empty of={of} afterM={emptyM} />}</span>
       </p>
-      <Whole now={now} />
+      <Whole now={now} isEmpty={emptyM !== null} />
       {!measured && reasonText() && <p class="reason">{reasonText()}</p>}
       {!measured && (
         <div class="chance-box">
@@ -169,74 +187,105 @@ function Looking({ now }: { now: Answer }) {
     <div class="looking">
       <p>{text.value.verdict.needsCharging}</p>
       <div class="old">
-        <Whole now={now} />
+        <Whole now={now} isEmpty />
       </div>
     </div>
   );
 }
 
-/** The charge to leave with in words; rounded up. */
-function leaveText(needed: number, stops: number, reserve: number): string {
+/** The charge to leave with in words, rounded up, with what is then expected on arrival. */
+function leaveText(needed: number, of: Forecast): string {
   const { shown } = format.value;
   const { journey: words } = text.value;
-  const upwards = (soc: number) => shown(Math.ceil(soc * 100 - 1e-6) / 100, PERCENT);
-  if (stops > 0) return words.leaveWithout(upwards(needed));
-  const left = shown(reserve, PERCENT);
-  if (needed > 1) return words.notEnough(upwards(needed - 1), left);
-  return needed > 0 ? words.leaveWith(upwards(needed), left) : words.anyCharge(left);
+  const left = shown(requested.value.at.reserve, PERCENT);
+  const now = of.series.displayed_soc[0] as number;
+  if (chargingPlan.value) return words.leaveWithout(upwards(needed));
+  if (needed > 1) return words.notEnough;
+  if (needed <= 0) return words.anyCharge(left);
+  if (isStuck.value) return words.chargeFirst(upwards(needed));
+  const expected = shown(Math.max(needed - now + socFromEnergy(of, of.energy_wh), 0), PERCENT);
+  return (now < needed ? words.leaveWith : words.wouldDo)(upwards(needed), expected, left);
 }
 
-function stopText({ station, charging_s, soc_arrival, soc_leave }: Stop): string {
+/** Whether the trip does not arrive, and no charging stop helps. */
+const isStuck = computed(() => {
+  const now = answer.value;
+  return now !== null && trip.value?.stops != null && now.charges === 0 && verdictOfAnswer(now) === "bad";
+});
+
+/** Drive so far, charge so long. */
+function StopText({ of, fromM }: { of: Stop; fromM: number }) {
   const { shown, span } = format.value;
   const { journey: words } = text.value;
-  const name = station.name || words.station;
-  return words.charge(name, span(charging_s), shown(soc_arrival, PERCENT), shown(soc_leave, PERCENT));
+  const { name, latitude_deg, longitude_deg } = of.station;
+  const farM = of.position_m - fromM;
+  const far = shown(farM, units.value.distance, farM < NEAR_M ? 1 : 0);
+  const [arrival, leave] = [of.soc_arrival, of.soc_leave].map((soc) => shown(soc, PERCENT)) as [
+    string,
+    string,
+  ];
+  const { leaves } = clock.value ?? { leaves: new Date() };
+  const at = clockText(new Date(leaves.getTime() + of.arrives_after_s * 1000), leaves);
+  return (
+    <>
+      {words.driveTo(far)}
+      <a href={`geo:${latitude_deg},${longitude_deg}`} title={words.navigate}>
+        {words.quoted(name || words.unnamedStation)}
+      </a>
+      {words.chargeThere(span(of.charging_s), arrival, leave, at)}
+    </>
+  );
 }
 
-/** Several charging stops in a line that names the first one, with all of them behind it. */
-function Stops({ of }: { of: ChargingPlan }) {
-  const { verdict: words, journey } = text.value;
-  const { duration, shown } = format.value;
-  const [first] = of.stops;
-  if (!first || of.stops.length === 1) return first ? <li>{stopText(first)}</li> : null;
-  const far = shown(first.position_m, units.value.distance, 0);
-  const name = first.station.name || journey.station;
-  const soc = shown(first.soc_leave, PERCENT);
+/** The first charging stop, with the others behind it. */
+function Stops({ of: [first, ...others] }: { of: Stop[] }) {
+  if (!first) return null;
   return (
-    <li class="folded">
-      <details>
-        <summary>{words.stops(of.stops.length, duration(of.charging_s), name, far, soc)}</summary>
-        <ol>
-          {of.stops.map((stop) => (
-            <li key={stop.position_m}>{stopText(stop)}</li>
-          ))}
-        </ol>
-      </details>
+    <li>
+      <StopText of={first} fromM={0} />
+      {others.length > 0 && (
+        <details>
+          <summary>{text.value.journey.moreStops(others.length)}</summary>
+          <ol start={2}>
+            {others.map((stop, k) => (
+              <li key={stop.position_m}>
+                <StopText of={stop} fromM={(others[k - 1] ?? first).position_m} />
+              </li>
+            ))}
+          </ol>
+        </details>
+      )}
     </li>
   );
 }
 
 /** What to do. */
-function ToDo() {
+function ToDo({ of }: { of: Forecast }) {
   const isJourney = !!trip.value?.stops;
-  const needed = isJourney ? journey.value?.soc_needed : leaving.value?.soc_needed;
-  if (needed === undefined || driving.value || mode.value !== "plan") return null;
+  const { soc_needed: ofFirst, motorway_speed_m_s: speed = null } = journey.value ?? {};
+  // what the service says of the charge is about the first road
+  const needed = isJourney ? (chosenRoad.value === 0 ? ofFirst : undefined) : leaving.value?.soc_needed;
+  const plan = chargingPlan.value;
+  if ((needed === undefined && !plan) || driving.value || mode.value !== "plan") return null;
   const isOld = isJourney ? answersAreOld.value || isOfOtherPlaces.value : leavingIsOld.value;
   const { journey: words } = text.value;
-  const speed = isJourney ? journey.value?.motorway_speed_m_s : null;
-  const stops = chargingPlan.value?.stops.length ?? 0;
+  const { reserve, soc, departsAt } = conditions.value;
+  const isLow = departsAt === null && soc < Math.max(reserve, LOW_SOC);
+  const leaves = needed !== undefined && (!plan || (needed <= 1 && !isLow));
   const texts = [
-    ...(stops === 0 || needed <= 1 ? [leaveText(needed, stops, requested.value.at.reserve)] : []),
-    ...(speed != null && speed > 0
-      ? [(stops > 0 ? words.atMostWithout : words.atMost)(format.value.shown(speed, units.value.speed, 0))]
-      : []),
+    leaves && leaveText(needed, of),
+    isStuck.value && (map.value?.stations === 0 ? words.noStations : words.noStopHelps),
+    isStuck.value && isLow && words.callHelp,
+    needed !== undefined &&
+      isJourney &&
+      speed !== null &&
+      speed > 0 &&
+      (plan ? words.atMostWithout : words.atMost)(format.value.shown(speed, units.value.speed, 0)),
   ];
   return (
     <ul class={`journey-answer todo${isOld ? " old" : ""}`} aria-busy={isOld}>
-      {chargingPlan.value && <Stops of={chargingPlan.value} />}
-      {texts.map((one) => (
-        <li key={one}>{one}</li>
-      ))}
+      {plan && <Stops of={plan.stops} />}
+      {texts.map((one) => one && <li key={one}>{one}</li>)}
     </ul>
   );
 }
@@ -257,8 +306,7 @@ function HowSure({ of, now }: { of: Forecast; now: Answer }) {
       {isOpen && <Warnings flags={flags} others={others} serious />}
       <details class="sure">
         <summary>
-          <b>{words.sure}</b>{" "}
-          {now.interval[1] >= SHOWN_SOC && result.inTrips(rangeWithUnit(now.interval, PERCENT))}
+          <b>{words.sure}</b>
           {count > 0 && ` · ${words.reasons(count)}`}
         </summary>
         <p class="given">
@@ -280,23 +328,23 @@ export function VerdictCard() {
   const shown = !isDistance && of && now;
   const isOther = !isDistance && isOfOtherPlaces.value;
   const isCompared = mode.value === "compare" && alternative.value !== null;
+  const isSettled = !isOther && !isLate.value && !isLookingForStops.value;
+  const said = isDistance ? needSentence() : shown && !isCompared && !isOther ? sentence(now) : words.title;
   return (
     <section
-      class={`card verdict${verdict && !isOther && !isLookingForStops.value ? ` verdict-${verdict}` : ""}`}
+      class={`card verdict${isLate.value ? " late" : ""}${isSettled && verdict ? ` verdict-${verdict}` : ""}`}
       aria-labelledby="verdict-title"
-      aria-busy={!shown && !isDistance}
+      aria-busy={isLate.value || (!shown && !isDistance)}
     >
       <div class="heading">
-        <h2 id="verdict-title">
-          {isDistance ? needSentence() : shown && !isCompared && !isOther ? sentence(now) : words.title}
-        </h2>
+        <h2 id="verdict-title">{isLate.value && !isOther ? words.calculating : said}</h2>
         {trip.value && <ShareTools />}
       </div>
       <Failure />
       {isDistance && <NeedAnswer />}
       {shown && isCompared && alternative.value && <CompareLine first={of} second={alternative.value} />}
       {shown && !isCompared && !isLookingForStops.value && <Headline of={of} now={now} isOld={isOther} />}
-      {shown && !isLookingForStops.value && <ToDo />}
+      {shown && !isLookingForStops.value && <ToDo of={of} />}
       {shown && !isLookingForStops.value && <HowSure of={of} now={now} />}
       {shown && isLookingForStops.value && <Looking now={now} />}
       {!shown && !isDistance && !problem.value && <Waiting />}

@@ -2,7 +2,7 @@
 
 import { hundredthsOf } from "../model/arrival";
 import { daysBetween } from "../model/clock";
-import type { Quantity } from "../model/units";
+import { PERCENT, type Quantity } from "../model/units";
 import { format, text, units } from "../state/preferences";
 import type { Trip } from "../state/trip";
 
@@ -22,6 +22,11 @@ export function endsOf(quantiles: Record<string, number>): number[] {
   return ["0.05", "0.95"].map((p) => quantiles[p] ?? 0);
 }
 
+/** A charge, rounded up to whole percent. */
+export function upwards(soc: number): string {
+  return format.value.shown(Math.ceil(soc * 100 - 1e-6) / 100, PERCENT);
+}
+
 /** A probability, such as 97 in 100. */
 export function chanceInFigures(chance: number): string {
   const { side, count } = hundredthsOf(chance);
@@ -37,15 +42,21 @@ export function tripTitle(trip: Trip): string {
   return trip.title || text.value.trip.plannedRoute;
 }
 
-/** A clock time; with its day where that is not the day of `from`. */
-export function clockText(time: Date, from: Date): string {
+/** A clock time, and its day where that is not the day of `from`. */
+export function clockParts(time: Date, from: Date): [string, string] {
   const { locale } = format.value;
   const clock = new Intl.DateTimeFormat(locale, { hour: "numeric", minute: "2-digit" }).format(time);
   const days = daysBetween(from, time);
-  if (days === 0) return clock;
+  if (days === 0) return [clock, ""];
   const day =
     days === 1 || days === -1
       ? new Intl.RelativeTimeFormat(locale, { numeric: "auto" }).format(days, "day")
       : new Intl.DateTimeFormat(locale, { weekday: "short", day: "numeric", month: "short" }).format(time);
-  return `${day} ${clock}`;
+  return [clock, day];
+}
+
+/** Both in a line. */
+export function clockText(time: Date, from: Date): string {
+  const [clock, day] = clockParts(time, from);
+  return day ? `${day} ${clock}` : clock;
 }
