@@ -41,14 +41,16 @@ function forecastFrom(vector: { forecast: object }): Forecast {
 
 describe("a charge beside the one that is needed", () => {
   test("counts the reserve in the verdict and in what is missing", () => {
-    // 60 % are needed, of which 10 % are the reserve
-    const [full, short, empty] = [0.68, 0.55, 0.45].map((soc) => sufficing(soc, 0.6, 0.1));
+    // 60 % are needed, of which 10 % are the reserve; 32 % are expected to be used
+    const NEED = { soc_needed: 0.6, reserve: 0.1, energy_wh: 8000, energy_quantile_wh: 12_500 };
+    const [full, short, empty] = [0.68, 0.55, 0.45].map((soc) => sufficing(soc, NEED));
     assert.deepEqual(
       [full, short, empty].map((one) => one?.verdict),
       ["good", "open", "bad"],
     );
     near(full?.left ?? 0, 0.18);
     near(short?.lacking ?? 0, 0.05);
+    near(full?.arrival ?? 0, 0.36);
   });
 });
 

@@ -103,6 +103,8 @@ const SERVICE = 7;
 /** Room that names keep free [px]: of a pin beside its point, of a stop with its number, of a station. */
 const ROOMS = { pin: [PIN_PX + 4, PIN_PX + 4], stop: [26, 26], station: [14, 14] } as const;
 
+const BY_ZOOM = ["interpolate", ["linear"], ["zoom"]];
+
 const DATA = ["roads", "others", "reach", "settlements", "stations", "stops", "pins", "dot"] as const;
 type Data = (typeof DATA)[number];
 
@@ -199,7 +201,9 @@ function journeyLayers(palette: MapPalette, font: string): LayerSpecification[] 
       filter: SHOWN_FROM_ZOOM as never,
     },
     circle("station", "stations", {
-      "circle-radius": ["match", ["get", "wish"], "preferred", 7, 5],
+      // small on the map of a country, where they would hide the road
+      "circle-radius": [...BY_ZOOM, 6, 2, 9, ["match", ["get", "wish"], "preferred", 7, 5]],
+      "circle-stroke-width": [...BY_ZOOM, 6, 0.5, 9, 2],
       "circle-color": ["match", ["get", "wish"], "avoided", palette.surface, palette.station],
       "circle-stroke-color": ["match", ["get", "wish"], "avoided", palette.station, palette.surface],
     }),

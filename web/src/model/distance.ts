@@ -1,6 +1,6 @@
 /** A trip of which only distance and kind of road are known, as links: assumed shares of town, country roads and motorway. */
 
-import type { Link } from "../api/documents";
+import type { Link, Need } from "../api/documents";
 import { ROADS } from "../../generated/roads";
 import type { Verdict } from "./arrival";
 
@@ -24,11 +24,17 @@ export function sharesOver(distanceM: number, kind: Kind): Record<RoadType, numb
 /** Longest link [m]. */
 const LINK_M = 1000;
 
-/** A charge beside the one that is needed, a reserve included: what is missing, what is left at arrival, and the verdict. */
-export function sufficing(soc: number, needed: number, reserve: number) {
+type Sufficient = Pick<Need, "soc_needed" | "reserve" | "energy_wh" | "energy_quantile_wh">;
+
+/** A charge beside the one that is needed, a reserve included: what is missing, what is left at arrival and expected there, and the verdict. */
+export function sufficing(
+  soc: number,
+  { soc_needed: needed, reserve, energy_wh, energy_quantile_wh }: Sufficient,
+) {
   const left = soc - needed + reserve;
+  const arrival = Math.max(soc - ((needed - reserve) * energy_wh) / energy_quantile_wh, 0);
   const verdict: Verdict = soc >= needed ? "good" : left >= 0 ? "open" : "bad";
-  return { lacking: needed - soc, left, verdict };
+  return { arrival, lacking: needed - soc, left, verdict };
 }
 
 /** Links of a trip from town to town: town, country road, motorway, country road, town, of unknown heights. */

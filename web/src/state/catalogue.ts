@@ -121,6 +121,18 @@ export function beginAt(place: Place): void {
   });
 }
 
+/** Plan a journey from its first field on. */
+export function beginJourney(): void {
+  if (map.value) chooseSource("journey");
+  batch(() => {
+    isExample.value = false;
+    ends.value = { from: null, to: null };
+    vias.value = [];
+    nextEnd.value = "from";
+    trip.value = null;
+  });
+}
+
 /** Answer what a distance needs. */
 export function chooseDistance(distanceM: number, kind: Kind): void {
   show(tripFromDistance(distanceM, kind));

@@ -2,9 +2,9 @@
 
 import { batch, computed, signal } from "@preact/signals";
 import { createCar, forgetCar, getCar, listCars, newCarToken, RequestFailed } from "../api/client";
-import type { Fault, NewCarRequest, OwnCar, OwnCarSummary } from "../api/documents";
+import type { Fault, OwnCar, OwnCarSummary, Vehicle } from "../api/documents";
 import { pause } from "../model/clock";
-import { car, type Car, chooseOwn, DESCRIBED, vehicle } from "./car";
+import { car, chooseOwn, DESCRIBED, vehicle } from "./car";
 
 /** Time between two looks at a car that learns [ms]. */
 const LOOK_AGAIN_MS = 700;
@@ -67,13 +67,10 @@ export function keep(own: OwnCar): void {
   });
 }
 
-/** The chosen car of the page as that of a new one. */
-function kind(chosen: Car | null): Omit<NewCarRequest, "name"> {
-  return { car: chosen?.figures ?? vehicle.value?.name ?? chosen?.vehicle ?? DESCRIBED };
-}
-
-export async function addCar(name: string): Promise<void> {
-  const made = await asked(() => createCar({ name, ...kind(car.value) }));
+/** Add a car of the library; one that the driver described is that of the page. */
+export async function addCar(name: string, of: Vehicle | undefined): Promise<void> {
+  const kind = of?.name ?? car.value?.figures ?? DESCRIBED;
+  const made = await asked(() => createCar({ name, car: kind }));
   if (made) keep(made);
 }
 

@@ -19,7 +19,7 @@ export function Climb({ of }: { of: Forecast }) {
     const where = endM !== null && (endM < 0 ? words.below : words.above)(shown(Math.abs(endM), height));
     return (
       <>
-        {words.unknown} {where} {changesM !== null && words.changes(shown(changesM, height))}
+        {words.unknown} {where} {changesM !== null && changesM > 0 && words.changes(shown(changesM, height))}
       </>
     );
   }

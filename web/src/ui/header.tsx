@@ -1,4 +1,3 @@
-import { useState } from "preact/hooks";
 import { type System, unitsOf } from "../model/units";
 import { car, choices, chooseModel } from "../state/car";
 import { openRoad } from "../state/live-drive";
@@ -16,6 +15,7 @@ const THEMES: [Theme, "system" | "sun" | "moon"][] = [
   ["dark", "moon"],
 ];
 
+const SETTINGS = "settings";
 const SYSTEMS: System[] = ["metric", "british", "imperial"];
 
 const LANGUAGE_NAMES = Object.entries(LANGUAGES) as [Language, string][];
@@ -71,7 +71,6 @@ function ModelSelect() {
 }
 
 export function Header() {
-  const [isOpen, setOpen] = useState(false);
   return (
     <header class="top">
       <div class="wordmark">
@@ -92,10 +91,9 @@ export function Header() {
           icon="gear"
           class="quiet gear"
           label={text.value.header.settings}
-          aria-expanded={isOpen}
-          onClick={() => setOpen(!isOpen)}
+          popovertarget={SETTINGS}
         />
-        <div class={`settings${isOpen ? " open" : ""}`}>
+        <div class="settings" id={SETTINGS} popover="auto">
           <Choice
             label={text.value.header.units}
             class="small"

@@ -109,6 +109,7 @@ function searchFor(end: Field): Latest<string> {
 function optionOf(end: Field, place: Place): Option {
   const { also_called: other, context } = place;
   const also = other && ` — ${text.value.journey.alsoCalled(other)}`;
+  const isTold = place.name.endsWith(context);
   const take = () => {
     write(end, place.name);
     setPlace(end, place);
@@ -116,7 +117,7 @@ function optionOf(end: Field, place: Place): Option {
   return {
     key: `${place.name}${place.latitude_deg}`,
     name: place.name,
-    detail: `${also}${context && `, ${context}`}${place.kind && ` · ${kindOf(place)}`}`,
+    detail: `${also}${isTold ? "" : `, ${context}`}${place.kind && ` · ${kindOf(place)}`}`,
     take,
   };
 }

@@ -19,6 +19,7 @@ import {
   roadCars,
   toggleNight,
 } from "../state/live-drive";
+import { beginJourney } from "../state/catalogue";
 import { labelOf, openOwnCars } from "../state/own-cars";
 import { format, text, units } from "../state/preferences";
 import { canPlan, planFromPage } from "../state/road-plan";
@@ -246,14 +247,23 @@ function Choose() {
     return (
       <>
         <Empty title={words.noCar}>{words.noCarHint}</Empty>
-        <Button
-          class="primary"
-          onClick={() => {
-            closeRoad();
-            openOwnCars();
-          }}
-          label={text.value.ownCars.title}
-        />
+        <div class="actions">
+          <Button
+            class="primary"
+            onClick={() => {
+              closeRoad();
+              beginJourney();
+            }}
+            label={words.plan}
+          />
+          <Button
+            onClick={() => {
+              closeRoad();
+              openOwnCars();
+            }}
+            label={text.value.ownCars.title}
+          />
+        </div>
       </>
     );
   }

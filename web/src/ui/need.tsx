@@ -47,7 +47,7 @@ function doubtText({ car, road, weather, day, narrows, narrower }: Doubt): strin
 }
 
 function answer() {
-  return need.value && sufficing(conditions.value.soc, need.value.soc_needed, need.value.reserve);
+  return need.value && sufficing(conditions.value.soc, need.value);
 }
 
 export function needVerdict(): Verdict | null {
@@ -62,7 +62,8 @@ export function needSentence(): string {
   const { shown } = format.value;
   const soc = shown(conditions.value.soc, PERCENT);
   const far = shown(need.value.distance_m, units.value.distance, 0);
-  return found.lacking > 0 ? words.notEnough(soc, far) : words.suffices(soc, far);
+  const said = { good: words.suffices, open: words.probably, bad: words.notEnough };
+  return said[found.verdict](soc, far);
 }
 
 export function NeedAnswer() {
@@ -70,21 +71,22 @@ export function NeedAnswer() {
   const far = range.value;
   const found = answer();
   if (!needed || !far || !found) return problem.value ? null : <Waiting />;
-  const { need: words, verdict: others } = text.value;
+  const { need: words, result, verdict: others } = text.value;
   const { duration, figure, shown } = format.value;
   const { soc, reserve } = conditions.value;
-  const { lacking, left, verdict } = found;
+  const { arrival, lacking, left, verdict } = found;
+  const isMore = needed.soc_needed > 1;
   const flags = [...needed.flags, ...far.flags].filter(
     (flag, k, all) => all.findIndex(({ message }) => message === flag.message) === k,
   );
   return (
-    <div class={`need${needIsOld.value ? " old" : ""}`} aria-busy={needIsOld.value}>
+    <div class="need" aria-busy={needIsOld.value}>
       <div class="headline">
         <p class="arrival">
           <span class="label">{words.needs(shown(needed.distance_m, units.value.distance, 0))}</span>
           <span class="number">
             {figure(ENERGY.from(needed.energy_wh), 1)}
-            <small>{ENERGY.unit}</small>
+            <small>{`\u00a0${ENERGY.unit}`}</small>
           </span>
           <span class="range">
             {words.half(rangeWithUnit(needed.half_wh, ENERGY, 1))}
@@ -92,7 +94,8 @@ export function NeedAnswer() {
           </span>
         </p>
         <dl class="whole">
-          <Stat label={words.charge}>{shown(needed.soc_needed, PERCENT)}</Stat>
+          <Stat label={result.onArrival}>{words.about(shown(arrival, PERCENT))}</Stat>
+          <Stat label={words.charge}>{isMore ? words.moreThanFull : shown(needed.soc_needed, PERCENT)}</Stat>
           <Stat label={others.duration}>{duration(needed.duration_s)}</Stat>
         </dl>
         <p class={`chance chance-${verdict}`}>
@@ -100,9 +103,9 @@ export function NeedAnswer() {
           <span>
             {lacking <= 0
               ? words.leaves(shown(left, PERCENT))
-              : needed.soc_needed > 1
+              : isMore
                 ? words.full
-                : words.lacking(shown(lacking, PERCENT), shown(needed.soc_needed, PERCENT))}
+                : words.lacking(shown(needed.soc_needed, PERCENT))}
           </span>
         </p>
       </div>

@@ -94,6 +94,19 @@ export function OwnCarLogs({ car }: { car: string }) {
   return (
     <section aria-labelledby="own-car-logs">
       <h3 id="own-car-logs">{words.logs}</h3>
+      {now && (
+        <div class="actions start learn">
+          {now.read && (
+            <Button
+              class="primary"
+              disabled={drives === 0 || now.stage !== "ready"}
+              onClick={() => void learn()}
+              label={words.learn(drives)}
+            />
+          )}
+          <Button onClick={put(logs, null)} label={text.value.cancel} />
+        </div>
+      )}
       <FileDrop
         label={words.dropLogs}
         formats={words.formats}
@@ -112,17 +125,6 @@ export function OwnCarLogs({ car }: { car: string }) {
               <Learnable preview={now.read.preview} report={now.read.report} />
             </>
           )}
-          <div class="actions">
-            <Button onClick={put(logs, null)} label={text.value.cancel} />
-            {now.read && (
-              <Button
-                class="primary"
-                disabled={drives === 0 || now.stage !== "ready"}
-                onClick={() => void learn()}
-                label={words.learn(drives)}
-              />
-            )}
-          </div>
         </div>
       )}
     </section>

@@ -4,7 +4,7 @@ import { useState } from "preact/hooks";
 import type { OwnCar } from "../api/documents";
 import { storedToken } from "../api/client";
 import { senderAddress, viewAddress } from "../model/to-phone";
-import { car, vehicle } from "../state/car";
+import { car, vehicle, vehicles } from "../state/car";
 import {
   addCar,
   dropCar,
@@ -44,18 +44,39 @@ function List() {
   );
 }
 
+const LIBRARY = "library";
+
 function NewCar() {
-  const { ownCars: words } = text.value;
+  const { header, ownCars: words } = text.value;
   const title = vehicle.value?.title ?? car.value?.title ?? "";
+  const [typed, setTyped] = useState(title);
+  const of = vehicles.value.find((row) => row.title === typed);
   return (
     <form
       onSubmit={submitting((form) => {
         const name = new FormData(form).get("name");
-        void addCar(String(name ?? "").trim());
+        if (of || typed === title) void addCar(String(name ?? "").trim(), of);
       })}
     >
       <h3>{words.newCar}</h3>
-      <p class="note">{words.newCarNote(title)}</p>
+      <p class="note">{words.newCarNote}</p>
+      <label class="field">
+        <span>{header.car}</span>
+        <input
+          type="text"
+          list={LIBRARY}
+          value={typed}
+          aria-invalid={!of && typed !== title}
+          onFocus={(event) => event.currentTarget.select()}
+          onInput={(event) => setTyped(event.currentTarget.value)}
+        />
+        <datalist id={LIBRARY}>
+          {vehicles.value.map((row) => (
+            <option key={row.name} value={row.title} />
+          ))}
+        </datalist>
+        {!of && typed !== title && <span class="faults">{text.value.journey.choose}</span>}
+      </label>
       <label class="field">
         <span>{words.name}</span>
         <input name="name" type="text" required maxLength={100} autocomplete="off" />
@@ -97,7 +118,7 @@ function Shown({ of }: { of: OwnCar }) {
       <p class="note">{of.title}</p>
       <div class="actions start">
         <Button
-          class={isUsed ? "" : "primary"}
+          class={isUsed || logs.value?.car === of.name ? "" : "primary"}
           disabled={isUsed}
           onClick={() => {
             useCar(of);

@@ -1,4 +1,4 @@
-import { useEffect, useState } from "preact/hooks";
+import { useEffect, useRef, useState } from "preact/hooks";
 import { warningsOf } from "../model/flags";
 import {
   chooseExample,
@@ -30,6 +30,8 @@ const START_M_S = 50 / 3.6;
 const SLOWEST_M_S = 5 / 3.6;
 const FASTEST_M_S = 130 / 3.6;
 const SOURCES: Source[] = ["distance", "examples", "upload", "links"];
+/** Of these, choosing the kind alone shows a trip. */
+const SHOWN_FIRST: Source[] = ["distance", "examples"];
 const WITH_MAP: Source[] = ["journey", ...SOURCES];
 
 function Examples() {
@@ -137,8 +139,12 @@ export function TripPanel() {
   const starts = source.value === "journey" && !now?.stops;
   const [opened, setOpen] = useState(false);
   const open = opened || starts;
+  const before = useRef<Source | undefined>(undefined);
   useEffect(() => {
-    if (now) setOpen(false);
+    // open while one looks for a trip: a new kind of trip brings up its first or its last one by itself
+    const isFirst = !before.current && now && !SHOWN_FIRST.includes(now.source);
+    if (isFirst || (now && now.source === before.current)) setOpen(false);
+    before.current = now?.source;
   }, [now?.source, now?.title]);
   const wrong = faults.value.get("trip") ?? [];
   const { trip: words } = text.value;
