@@ -2,9 +2,10 @@
 
 import { NAMES, WORDS } from "../../generated/flags-de";
 import type { Text } from "./en";
-import type { Plural } from "./plural";
+import type { Forms, Plural } from "./plural";
 
 let count: Plural;
+const each = (forms: Forms) => (number: number) => count(number, forms);
 
 /** The texts; `counting` is a parameter, so that this file shares no code with what a first visit loads. */
 export function german(counting: Plural): Text {
@@ -15,8 +16,7 @@ export function german(counting: Plural): Text {
 const de: Text = {
   document: {
     title: "tripwatt: Ladestand entlang der Strecke",
-    description:
-      "Energie und Ladestand entlang einer Fahrt mit dem Elektroauto, mit der Unsicherheit der Prognose",
+    description: "Energie und Ladestand auf einer Fahrt mit dem Elektroauto, und wie sicher sie sind",
     noScript: "Diese Seite benötigt JavaScript.",
   },
   close: "Schließen",
@@ -66,10 +66,9 @@ const de: Text = {
     assumedRoute: "angenommene Strecke",
     recorded: "aufgezeichnete Fahrt",
     speedTrace: "Geschwindigkeitsverlauf",
-    links: (links) => count(links, { one: "# Straßenabschnitt", other: "# Straßenabschnitte" }),
+    links: each({ one: "# Straßenabschnitt", other: "# Straßenabschnitte" }),
     chooseFile: "Datei auswählen oder hier ablegen",
-    formats:
-      "GPX, KML, GeoJSON, CSV oder gespeicherte Antwort von OSRM, Valhalla, openrouteservice oder GraphHopper",
+    formats: "GPX, KML, GeoJSON, CSV oder eine Antwort von OSRM, Valhalla, openrouteservice, GraphHopper",
     chooseFolder: "Ordner auswählen",
     emptyFolder: "Der Ordner enthält keine Datei in diesen Formaten.",
     tooLarge: (file, megabytes) => `${file} ist größer als ${megabytes} MB.`,
@@ -126,7 +125,7 @@ const de: Text = {
     leaveWithout: (soc) => `Oder mit ${soc} losfahren und ohne Ladestopp ankommen.`,
     notEnough: "Auch eine volle Batterie reicht nicht: Laden Sie unterwegs.",
     anyCharge: (reserve) =>
-      `Jeder Ladestand reicht, um bei 19 von 20 Fahrten mit mindestens ${reserve} anzukommen.`,
+      `Jeder Ladestand reicht: bei 19 von 20 Fahrten Ankunft mit mindestens ${reserve}.`,
     chargeFirst: (soc) => `So nicht losfahren: Laden Sie zuerst auf ${soc} oder mehr.`,
     noStations: "Diese Karte hat keine Ladestationen.",
     noStopHelps: "Es wurde kein Ladestopp gefunden, mit dem Sie ankommen.",
@@ -139,7 +138,7 @@ const de: Text = {
     navigate: "In einer Navigations-App öffnen",
     chargeThere: (time, arrival, leave, clock) =>
       ` fahren und dort ${time} laden, von ${arrival} auf ${leave} (etwa ${clock}).`,
-    moreStops: (stops) => count(stops, { one: "# weiterer Ladestopp", other: "# weitere Ladestopps" }),
+    moreStops: each({ one: "# weiterer Ladestopp", other: "# weitere Ladestopps" }),
     chargingStops: "Ladestopps",
     chargingPlans: "Ladepläne",
     plans: {
@@ -149,7 +148,7 @@ const de: Text = {
       cheapest: "Sparsamster",
       "best effort": "Bestmöglich",
     },
-    stops: (stops) => count(stops, { one: "# Ladestopp", other: "# Ladestopps" }),
+    stops: each({ one: "# Ladestopp", other: "# Ladestopps" }),
     chargeFor: (arrival, leave, time) => `${arrival} bis ${leave} in ${time}`,
     arriveThere: (range) => `Ankunft dort mit ${range}`,
     reached: (chance) => `mit der Reserve bei ${chance}`,
@@ -213,7 +212,7 @@ const de: Text = {
     title: "Bedingungen",
     reset: "Zurücksetzen",
     compared: (setting) =>
-      `Diese Bedingungen gelten für die erste Prognose. In der zweiten ist nur eines anders: ${setting}.`,
+      `Sie gelten für die erste Prognose. In der zweiten ist nur eines anders: ${setting}.`,
     limitMotorway: "Tempo auf der Autobahn begrenzen",
     more: "Wetter und Zubehör",
     fields: {
@@ -305,8 +304,7 @@ const de: Text = {
     chart: (from, to, band) =>
       `Ladestand entlang der Strecke: ${from} bei Abfahrt, ${to} bei Ankunft, ${band} bei 9 von 10 Fahrten`,
     roadChart: "Geschwindigkeit und Höhe entlang der Strecke; die Werte stehen in der Tabelle",
-    givenPlanned:
-      "Grundlage ist eine geplante Route; wie schnell dort gefahren wird, ist aus vielen gemessenen Fahrten bekannt.",
+    givenPlanned: "Geplante Route; wie schnell dort gefahren wird, ist aus vielen Fahrten bekannt.",
     givenDriven: "Grundlage ist ein gefahrener Geschwindigkeitsverlauf: Die Geschwindigkeiten sind bekannt.",
     noTrip: "Noch keine Fahrt.",
     hints: {
@@ -349,18 +347,15 @@ const de: Text = {
       to_the_end: "Der Ladestand reicht vielleicht nicht vom letzten Ladestopp bis zum Ziel.",
     },
     calculating: "Wird berechnet …",
-    unknownHeights:
-      "Die Höhen dieser Strecke sind unbekannt. Im Gebirge reicht der Ladestand vielleicht nicht.",
-    otherPlaces: (trip) =>
-      `Die Zahlen gelten für ${trip}. „Planen“ berechnet die Fahrt zwischen den gewählten Orten.`,
+    unknownHeights: "Die Höhen dieser Strecke sind unbekannt. Im Gebirge reicht es vielleicht nicht.",
+    otherPlaces: (trip) => `Die Zahlen gelten für ${trip}. „Planen“ berechnet die gewählten Orte.`,
     looking: "Ladestopps werden gesucht …",
-    needsCharging: "Der Ladestand bei Abfahrt reicht nicht für die ganze Strecke.",
     arrivesAt: "Ankunft",
     leavingNow: "bei Abfahrt jetzt",
     duration: "Gesamtzeit",
     ofItCharging: (time, overhead) => `davon ${time} laden und ${overhead} anstecken`,
     sure: "Wie sicher ist das?",
-    reasons: (notes) => count(notes, { one: "# Hinweis", other: "# Hinweise" }),
+    reasons: each({ one: "# Hinweis", other: "# Hinweise" }),
   },
   need: {
     needs: (distance) => `Energie für ${distance}`,
@@ -394,10 +389,9 @@ const de: Text = {
   },
   advice: {
     title: "Was hilft",
-    least: (chance: string) =>
-      `Eines davon genügt, um mit einer Wahrscheinlichkeit von ${chance} anzukommen:`,
+    least: (chance: string) => `Eines davon genügt, um mit ${chance} Wahrscheinlichkeit anzukommen:`,
     leastWithoutStops: (chance: string) =>
-      `Eines davon genügt, um mit einer Wahrscheinlichkeit von ${chance} ohne Ladestopp anzukommen:`,
+      `Eines davon genügt für ${chance} Wahrscheinlichkeit, ohne Ladestopp:`,
     notEnough: (chance: string) =>
       `Nichts davon reicht für eine Wahrscheinlichkeit von ${chance}: Laden Sie vorher oder unterwegs.`,
     note: "Die Ersparnis ist genauer bekannt als der Gesamtverbrauch.",
@@ -427,7 +421,7 @@ const de: Text = {
       seats: "Die Sitze statt des Innenraums heizen",
       climate_off: "Klimatisierung ausschalten",
       preheat_cabin: (degrees: string, start: string) =>
-        `Den Innenraum am Ladekabel auf ${degrees} bringen, ${start}`,
+        `Den Innenraum am Kabel auf ${degrees} bringen, ${start}`,
       before: (time: string) => `${time} vor der Abfahrt`,
       start: (clock: string) => `Beginn um ${clock}`,
       no_roof_box: "Die Dachbox abnehmen",
@@ -470,10 +464,8 @@ const de: Text = {
     known: (up, down) => `Anstieg der Strecke: ${up}, Gefälle: ${down}.`,
     from: "Höhen:",
     unknown: "Anstieg unbekannt: Zu dieser Strecke gibt es keine Höhen.",
-    above: (height) =>
-      `Nach den Höhen von Orten an der Strecke liegt das Ziel etwa ${height} über dem Start.`,
-    below: (height) =>
-      `Nach den Höhen von Orten an der Strecke liegt das Ziel etwa ${height} unter dem Start.`,
+    above: (height) => `Nach den Höhen der Orte an der Strecke liegt das Ziel etwa ${height} höher.`,
+    below: (height) => `Nach den Höhen der Orte an der Strecke liegt das Ziel etwa ${height} tiefer.`,
     changes: (climb) => `Bei einem Anstieg von ${climb} sinkt der Ladestand bei Ankunft auf die Reserve.`,
   },
   compare: {
@@ -509,12 +501,9 @@ const de: Text = {
       correction: "Korrektur",
     },
     changes: { correction: "Aus gemessenen Fahrten gelernt" },
-    note: (unit, loss) =>
-      `In ${unit} an den Klemmen der Batterie. Weitere ${loss} gehen als Wärme in der Batterie verloren.`,
-    learnedOwn:
-      "Die Korrektur ist die Differenz zwischen den gemessenen Fahrten dieses Autos und der Physik.",
-    learnedOf: (car) =>
-      `Die Korrektur ist die Differenz zwischen gemessenen Fahrten eines anderen Autos (${car}) und der Physik.`,
+    note: (unit, loss) => `In ${unit} an den Klemmen der Batterie. Weitere ${loss} werden in ihr zu Wärme.`,
+    learnedOwn: "Die Korrektur ist, was die gemessenen Fahrten dieses Autos der Physik hinzufügen.",
+    learnedOf: (car) => `Die Korrektur ist, was gemessene Fahrten eines ${car} der Physik hinzufügen.`,
   },
   arrival: {
     dots: (dots) => `Jeder Punkt ist einer von ${dots} gleich wahrscheinlichen Ausgängen.`,
@@ -597,8 +586,7 @@ const de: Text = {
     charge: "Unterwegs laden: Keine Geschwindigkeit erhält die Reserve sicher.",
     notIn: "Die letzten Nachrichten wurden nicht verwendet:",
     justNow: "Nachricht in der letzten Minute",
-    minutesAgo: (minutes) =>
-      count(minutes, { one: "Letzte Nachricht vor # Minute", other: "Letzte Nachricht vor # Minuten" }),
+    minutesAgo: each({ one: "Letzte Nachricht vor # Minute", other: "Letzte Nachricht vor # Minuten" }),
     links: {
       connecting: "Verbindung wird aufgebaut …",
       open: "Verbunden",
@@ -609,8 +597,7 @@ const de: Text = {
     notAwake: "Der Bildschirm kann ausgehen: Dieser Browser hält ihn hier nicht eingeschaltet",
     noCar: "Noch kein Auto sendet Nachrichten.",
     plan: "Fahrt planen",
-    noCarHint:
-      "Öffnen Sie eines Ihrer Autos, erzeugen Sie ein Token und tragen Sie es in der App ein, die sendet.",
+    noCarHint: "Öffnen Sie eines Ihrer Autos, erzeugen Sie ein Token und tragen Sie es in der App ein.",
     noMessage: "Noch keine Nachricht.",
     noMessageHint: "Die Zahlen erscheinen mit der ersten Nachricht des Autos.",
     noTrip: "Das Auto ist nicht auf einer Fahrt.",
@@ -632,7 +619,7 @@ const de: Text = {
     newCarNote: "Es beginnt mit den veröffentlichten Werten seines Modells.",
     name: "Name",
     make: "Hinzufügen",
-    inDiary: (trips) => count(trips, { one: "aus # Fahrt gelernt", other: "aus # Fahrten gelernt" }),
+    inDiary: each({ one: "aus # Fahrt gelernt", other: "aus # Fahrten gelernt" }),
     use: "Für Prognosen verwenden",
     used: "In Verwendung",
     forget: "Löschen …",
@@ -641,19 +628,16 @@ const de: Text = {
     keep: "Behalten",
     logs: "Logs hinzufügen",
     dropLogs: "Dateien auswählen oder Dateien und Ordner hier ablegen",
-    formats:
-      "CSV, Parquet, Excel oder ZIP: TeslaMate, OVMS, ABRP, Car Scanner, Torque, Leaf Spy, TeslaLogger oder eigene Formate",
-    sending: (files) =>
-      count(files, { one: "# Datei wird gesendet …", other: "# Dateien werden gesendet …" }),
-    reading: (files) => count(files, { one: "# Datei wird gelesen …", other: "# Dateien werden gelesen …" }),
+    formats: "CSV, Parquet, Excel, ZIP: TeslaMate, OVMS, ABRP, Car Scanner, Torque, Leaf Spy, eigene",
+    sending: each({ one: "# Datei wird gesendet …", other: "# Dateien werden gesendet …" }),
+    reading: each({ one: "# Datei wird gelesen …", other: "# Dateien werden gelesen …" }),
     files: "Dateien",
     summary: (files, parts) => `${count(files, { one: "# Datei", other: "# Dateien" })}: ${parts}`,
     groups: {
-      out: (files) => count(files, { one: "# Datei ist nicht lesbar", other: "# Dateien sind nicht lesbar" }),
-      way: (files) => count(files, { one: "# Datei unterwegs", other: "# Dateien unterwegs" }),
-      part: (files) =>
-        count(files, { one: "# Datei ist teilweise lesbar", other: "# Dateien sind teilweise lesbar" }),
-      read: (files) => count(files, { one: "# Datei ist lesbar", other: "# Dateien sind lesbar" }),
+      out: each({ one: "# Datei ist nicht lesbar", other: "# Dateien sind nicht lesbar" }),
+      way: each({ one: "# Datei unterwegs", other: "# Dateien unterwegs" }),
+      part: each({ one: "# Datei ist teilweise lesbar", other: "# Dateien sind teilweise lesbar" }),
+      read: each({ one: "# Datei ist lesbar", other: "# Dateien sind lesbar" }),
     },
     states: {
       waiting: "wartet",
@@ -669,11 +653,10 @@ const de: Text = {
     leaveOutFile: (file) => `${file} auslassen`,
     use1: "Verwenden",
     useFile: (file) => `${file} wieder verwenden`,
-    leaveOutUnreadable: (files) =>
-      count(files, {
-        one: "Die # nicht lesbare Datei auslassen",
-        other: "Die # nicht lesbaren Dateien auslassen",
-      }),
+    leaveOutUnreadable: each({
+      one: "Die # nicht lesbare Datei auslassen",
+      other: "Die # nicht lesbaren Dateien auslassen",
+    }),
     kind: (files, logger) =>
       `${count(files, { one: "# Datei", other: "# Dateien" })} mit diesen Spalten${logger ? ` (${logger})` : ""}`,
     toCheck: "· bitte prüfen",
@@ -693,8 +676,7 @@ const de: Text = {
     charge: "lädt die Batterie",
     bySoc: (kwh) =>
       `Die Datei enthält keinen Strom: Die Energie wird aus dem Ladestand und einer nutzbaren Kapazität von ${kwh} kWh berechnet.`,
-    unused: (columns) =>
-      count(columns, { one: "# Spalte wird ignoriert", other: "# Spalten werden ignoriert" }),
+    unused: each({ one: "# Spalte wird ignoriert", other: "# Spalten werden ignoriert" }),
     learnable: "Was gelernt wird",
     nothingToLearn: "Noch nichts: Diese Dateien enthalten keine Fahrt.",
     ofLogs: (trips, logs) => `${trips} aus ${count(logs, { one: "# Log", other: "# Logs" })}`,
@@ -710,8 +692,8 @@ const de: Text = {
       "set aside": "Fahrt nicht verwendet",
       noted: "vermerkt, trotzdem verwendet",
     },
-    moreReasons: (reasons) => count(reasons, { one: "# weiterer", other: "# weitere" }),
-    learn: (trips) => count(trips, { one: "Aus # Fahrt lernen", other: "Aus # Fahrten lernen" }),
+    moreReasons: each({ one: "# weiterer", other: "# weitere" }),
+    learn: each({ one: "Aus # Fahrt lernen", other: "Aus # Fahrten lernen" }),
     starting: "Lernt …",
     learning: (done, total) => `Lernt: Fahrt ${done} von ${total}`,
     learnedNow: (trips, known) =>
@@ -720,7 +702,7 @@ const de: Text = {
       `${count(trips, { one: "# davon hat", other: "# davon haben" })} keine Höhen: Schalten Sie für bessere Prognosen die Höhe in der App ein, die aufzeichnet.`,
     leftOut: (reasons) => `Ausgelassen: ${reasons}.`,
     nothingYet: "Noch keine eigenen Fahrten: Prognosen aus veröffentlichten Werten.",
-    learnedFrom: (trips) => count(trips, { one: "Aus # Fahrt gelernt", other: "Aus # Fahrten gelernt" }),
+    learnedFrom: each({ one: "Aus # Fahrt gelernt", other: "Aus # Fahrten gelernt" }),
     taught: "Was seine Fahrten zeigen",
     factor: "Faktor",
     differs: "Gegenüber dem Katalogfahrzeug",
@@ -728,11 +710,10 @@ const de: Text = {
     notSeen: "auf Ihren Fahrten nicht gemessen",
     seen: (temperatures) =>
       `Gemessen bei ${temperatures}. Für kältere oder wärmere Fahrten gilt die Prognose wie für andere Autos.`,
-    otherFactors: (factors) =>
-      count(factors, {
-        one: "# weiterer Faktor, noch nicht messbar",
-        other: "# weitere Faktoren, noch nicht messbar",
-      }),
+    otherFactors: each({
+      one: "# weiterer Faktor, noch nicht messbar",
+      other: "# weitere Faktoren, noch nicht messbar",
+    }),
     weights: "Wie die Prognosen entstehen",
     experts: {
       published: "veröffentlichte Werte",
@@ -760,10 +741,9 @@ const de: Text = {
       near_32: "Verbrauch um 32 °C",
     },
     byTrips: "eigene Fahrten",
-    errorOfLast: (trips) =>
-      count(trips, { one: "Fehler der letzten Fahrt", other: "Fehler der letzten # Fahrten" }),
+    errorOfLast: each({ one: "Fehler der letzten Fahrt", other: "Fehler der letzten # Fahrten" }),
     errorBefore: (error, falls) =>
-      `${error} bei ebenso vielen Fahrten davor: Der Fehler ${falls ? "sinkt" : "sinkt nicht"}.`,
+      `${error} bei ebenso vielen davor: Der Fehler sinkt${falls ? "" : " nicht"}.`,
     whyWide: "Warum der Bereich breit ist und was hilft",
     withoutHeights: (trips, of) =>
       `${trips} von ${count(of, { one: "# Fahrt", other: "# Fahrten" })} ohne Höhen: Schalten Sie in der App, die aufzeichnet, die Höhe ein.`,
@@ -771,11 +751,10 @@ const de: Text = {
       `${trips} von ${count(of, { one: "# Fahrt", other: "# Fahrten" })} ohne Außentemperatur: Schalten Sie sie in der App ein, die aufzeichnet.`,
     young: (trips) =>
       `Erst ${count(trips, { one: "# Fahrt", other: "# Fahrten" })}: Mit jeder weiteren wird der Bereich schmaler, am meisten bei neuen Temperaturen.`,
-    widthOfLast: (trips) =>
-      count(trips, {
-        one: "Breite ihres 90-%-Bereichs als Anteil der Energie",
-        other: "Breite ihrer 90-%-Bereiche als Anteil der Energie",
-      }),
+    widthOfLast: each({
+      one: "Breite ihres 90-%-Bereichs als Anteil der Energie",
+      other: "Breite ihrer 90-%-Bereiche als Anteil der Energie",
+    }),
     diary: "Tagebuch",
     widthNeeded: "hätte gereicht",
     score: (error, inside, trips, width, needed) =>

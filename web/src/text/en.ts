@@ -2,9 +2,10 @@
 
 import { NAMES, WORDS } from "../../generated/flags";
 import type { AskedName, ChoiceTexts } from "../model/fields";
-import { pluralOf } from "./plural";
+import { type Forms, pluralOf } from "./plural";
 
 const count = pluralOf("en");
+const each = (forms: Forms) => (number: number) => count(number, forms);
 
 export const en = {
   document: {
@@ -60,7 +61,7 @@ export const en = {
     assumedRoute: "assumed road",
     recorded: "recorded trip",
     speedTrace: "speed trace",
-    links: (links: number) => count(links, { one: "# road section", other: "# road sections" }),
+    links: each({ one: "# road section", other: "# road sections" }),
     chooseFile: "Choose a file or drop it here",
     formats: "GPX, KML, GeoJSON, CSV, or a saved OSRM, Valhalla, openrouteservice or GraphHopper response",
     chooseFolder: "Choose a folder",
@@ -131,7 +132,7 @@ export const en = {
     navigate: "Open in a navigation app",
     chargeThere: (time: string, arrival: string, leave: string, clock: string) =>
       ` and charge for ${time}, from ${arrival} to ${leave} (about ${clock}).`,
-    moreStops: (stops: number) => count(stops, { one: "# more stop", other: "# more stops" }),
+    moreStops: each({ one: "# more stop", other: "# more stops" }),
     chargingStops: "Charging stops",
     chargingPlans: "Charging plans",
     plans: {
@@ -141,7 +142,7 @@ export const en = {
       cheapest: "Least energy",
       "best effort": "Best effort",
     },
-    stops: (stops: number) => count(stops, { one: "# stop", other: "# stops" }),
+    stops: each({ one: "# stop", other: "# stops" }),
     chargeFor: (arrival: string, leave: string, time: string) => `${arrival} to ${leave} in ${time}`,
     arriveThere: (range: string) => `you arrive there with ${range}`,
     reached: (chance: string) => `with the reserve in ${chance}`,
@@ -196,8 +197,7 @@ export const en = {
     zoomOut: "Zoom out",
     reach: "Show how far you get from A",
     reachRunning: "Finding out how far you get …",
-    reachKey:
-      "Inside the line you arrive with the reserve in 19 of 20 trips, inside the dashed line in 10 of 20 trips.",
+    reachKey: "Solid line: you get there with the reserve in 19 of 20 trips; dashed line: in 10 of 20.",
     mapEnds: "You can drive beyond the edge of this map.",
     failed: "This browser cannot draw the map. Everything else works without it.",
   },
@@ -205,7 +205,7 @@ export const en = {
     title: "Conditions",
     reset: "Reset",
     compared: (setting: string) =>
-      `These conditions apply to the first forecast. In the second, only ${setting} is different.`,
+      `These are of the first forecast. In the second, only ${setting} is different.`,
     limitMotorway: "Limit motorway speed",
     more: "Weather and extras",
     fields: {
@@ -315,8 +315,7 @@ export const en = {
     moveSlider: "Move the slider to see the values along the way",
     readoutBattery: (soc: string, low: string, high: string) => `battery ${soc} (${low} to ${high})`,
     readoutElevation: (height: string) => `elevation ${height}`,
-    announced: (soc: string, band: string) =>
-      `Forecast: ${soc} battery on arrival, ${band} in 9 of 10 trips.`,
+    announced: (soc: string, band: string) => `Forecast: ${soc} on arrival, ${band} in 9 of 10 trips.`,
     announcedArrival: (soc: string) => `Arrived: ${soc} battery on arrival.`,
     glance: (band: string) => `on arrival, ${band}`,
     glanceReserve: (chance: string) => `reserve: ${chance}`,
@@ -345,14 +344,12 @@ export const en = {
     unknownHeights: "The heights of this road are unknown. In mountains the charge may not suffice.",
     otherPlaces: (trip: string) => `The figures are of ${trip}. Press “Plan” for the places that you chose.`,
     looking: "Looking for charging stops …",
-    needsCharging: "The charge at departure is not enough for the whole route.",
     arrivesAt: "Arrival",
     leavingNow: "leaving now",
     duration: "Total time",
-    ofItCharging: (time: string, overhead: string) =>
-      `including ${time} charging and ${overhead} plugging in`,
+    ofItCharging: (time: string, more: string) => `including ${time} charging and ${more} plugging in`,
     sure: "How sure is this?",
-    reasons: (notes: number) => count(notes, { one: "# note", other: "# notes" }),
+    reasons: each({ one: "# note", other: "# notes" }),
   },
   need: {
     needs: (distance: string) => `Energy for ${distance}`,
@@ -389,8 +386,7 @@ export const en = {
     least: (chance: string) => `One of these is enough to arrive with a chance of ${chance}:`,
     leastWithoutStops: (chance: string) =>
       `One of these is enough to arrive without a charging stop, with a chance of ${chance}:`,
-    notEnough: (chance: string) =>
-      `None of this gives a chance of ${chance}: charge before you leave, or on the way.`,
+    notEnough: (chance: string) => `Nothing here gives a chance of ${chance}: charge before, or on the way.`,
     note: "Savings are more certain than the total.",
     and: ", and ",
     energy: (energy: string) => `saves ${energy}`,
@@ -418,13 +414,12 @@ export const en = {
       seats: "Heat the seats instead of the cabin",
       climate_off: "Switch off climate control",
       preheat_cabin: (degrees: string, start: string) =>
-        `Bring the cabin to ${degrees} while plugged in, ${start}`,
+        `Bring the cabin to ${degrees} on the plug, ${start}`,
       before: (time: string) => `${time} before you leave`,
       start: (clock: string) => `start at ${clock}`,
       no_roof_box: "Take off the roof box",
       summer_tyres: "Fit summer tyres",
-      pump_up: (pressure: string) =>
-        `Pump up the tyres, from ${pressure} of the recommended pressure to all of it`,
+      pump_up: (now: string) => `Pump up the tyres, from ${now} of the recommended pressure to all of it`,
       other_road: (road: string) => `Take the route “${road}”`,
       leave_later: (time: string) => `Leave ${time} later`,
       leave_earlier: (time: string) => `Leave ${time} earlier`,
@@ -503,8 +498,7 @@ export const en = {
     note: (unit: string, loss: string) =>
       `In ${unit} at the battery terminals. Another ${loss} is lost as heat inside the battery.`,
     learnedOwn: "The correction is the difference between the measured trips of this car and the physics.",
-    learnedOf: (car: string) =>
-      `The correction is the difference between measured trips of a ${car} and the physics.`,
+    learnedOf: (car: string) => `The correction is what measured trips of a ${car} add to the physics.`,
   },
   arrival: {
     dots: (dots: number) => `Each dot is one of ${dots} equally likely outcomes.`,
@@ -589,8 +583,7 @@ export const en = {
     charge: "Charge on the way: no speed is sure to keep the reserve.",
     notIn: "The last messages were not used:",
     justNow: "Message within the last minute",
-    minutesAgo: (minutes: number) =>
-      count(minutes, { one: "Last message # minute ago", other: "Last message # minutes ago" }),
+    minutesAgo: each({ one: "Last message # minute ago", other: "Last message # minutes ago" }),
     links: {
       connecting: "Connecting …",
       open: "Connected",
@@ -623,7 +616,7 @@ export const en = {
     newCarNote: "It starts with the published values of its model.",
     name: "Name",
     make: "Add",
-    inDiary: (trips: number) => count(trips, { one: "# trip learned", other: "# trips learned" }),
+    inDiary: each({ one: "# trip learned", other: "# trips learned" }),
     use: "Use for forecasts",
     used: "In use",
     forget: "Delete …",
@@ -634,17 +627,16 @@ export const en = {
     dropLogs: "Choose files, or drop files or folders here",
     formats:
       "CSV, Parquet, Excel or ZIP: TeslaMate, OVMS, ABRP, Car Scanner, Torque, Leaf Spy, TeslaLogger, or your own",
-    sending: (files: number) => count(files, { one: "Sending # file …", other: "Sending # files …" }),
-    reading: (files: number) => count(files, { one: "Reading # file …", other: "Reading # files …" }),
+    sending: each({ one: "Sending # file …", other: "Sending # files …" }),
+    reading: each({ one: "Reading # file …", other: "Reading # files …" }),
     files: "Files",
     summary: (files: number, parts: string) =>
       `${count(files, { one: "# file", other: "# files" })}: ${parts}`,
     groups: {
-      out: (files: number) => count(files, { one: "# file cannot be read", other: "# files cannot be read" }),
-      way: (files: number) => count(files, { one: "# file on its way", other: "# files on their way" }),
-      part: (files: number) =>
-        count(files, { one: "# file is read in part", other: "# files are read in part" }),
-      read: (files: number) => count(files, { one: "# file can be read", other: "# files can be read" }),
+      out: each({ one: "# file cannot be read", other: "# files cannot be read" }),
+      way: each({ one: "# file on its way", other: "# files on their way" }),
+      part: each({ one: "# file is read in part", other: "# files are read in part" }),
+      read: each({ one: "# file can be read", other: "# files can be read" }),
     },
     states: {
       waiting: "waiting",
@@ -660,11 +652,10 @@ export const en = {
     leaveOutFile: (file: string) => `Leave out ${file}`,
     use1: "Use",
     useFile: (file: string) => `Use ${file} again`,
-    leaveOutUnreadable: (files: number) =>
-      count(files, {
-        one: "Leave out the # file that cannot be read",
-        other: "Leave out the # files that cannot be read",
-      }),
+    leaveOutUnreadable: each({
+      one: "Leave out the # file that cannot be read",
+      other: "Leave out the # files that cannot be read",
+    }),
     kind: (files: number, logger: string | null) =>
       `${count(files, { one: "# file", other: "# files" })} with these columns${logger ? ` (${logger})` : ""}`,
     toCheck: "· please check",
@@ -684,15 +675,13 @@ export const en = {
     charge: "charges the battery",
     bySoc: (kwh: string) =>
       `The file has no current: the energy comes from the state of charge and a usable battery of ${kwh} kWh.`,
-    unused: (columns: number) =>
-      count(columns, { one: "# column is ignored", other: "# columns are ignored" }),
+    unused: each({ one: "# column is ignored", other: "# columns are ignored" }),
     learnable: "What will be learned",
     nothingToLearn: "Nothing yet: these files contain no trip.",
     ofLogs: (trips: string, logs: number) =>
       `${trips} from ${count(logs, { one: "# log", other: "# logs" })}`,
     dates: "Dates",
-    lost: (distance: string, time: string) =>
-      `Not used: ${distance} and ${time} of the trips, for these reasons:`,
+    lost: (far: string, time: string) => `Not used: ${far} and ${time} of the trips, for these reasons:`,
     inTrips: (times: number, trips: number) =>
       `${count(times, { one: "once", other: "# times" })} in ${count(trips, { one: "# trip", other: "# trips" })}`,
     inFiles: (times: number, files: number) =>
@@ -703,8 +692,8 @@ export const en = {
       "set aside": "trip not used",
       noted: "noted, used anyway",
     },
-    moreReasons: (reasons: number) => count(reasons, { one: "# more", other: "# more" }),
-    learn: (trips: number) => count(trips, { one: "Learn # trip", other: "Learn # trips" }),
+    moreReasons: each({ one: "# more", other: "# more" }),
+    learn: each({ one: "Learn # trip", other: "Learn # trips" }),
     starting: "Learning …",
     learning: (done: number, total: number) => `Learning: trip ${done} of ${total}`,
     learnedNow: (trips: number, known: number) =>
@@ -713,20 +702,17 @@ export const en = {
       `${count(trips, { one: "# of them has", other: "# of them have" })} no heights: switch on the altitude in the logging app for better forecasts.`,
     leftOut: (reasons: string) => `Left out: ${reasons}.`,
     nothingYet: "No own trips yet: forecasts from published values.",
-    learnedFrom: (trips: number) =>
-      count(trips, { one: "Learned from # trip", other: "Learned from # trips" }),
+    learnedFrom: each({ one: "Learned from # trip", other: "Learned from # trips" }),
     taught: "What its trips show",
     factor: "Factor",
     differs: "Compared with the catalogue car",
     seenAt: "Measured at",
     notSeen: "not measured on your trips",
-    seen: (temperatures: string) =>
-      `Measured at ${temperatures}. Colder or warmer trips are forecast as for other cars.`,
-    otherFactors: (factors: number) =>
-      count(factors, {
-        one: "# more factor, not measurable yet",
-        other: "# more factors, not measurable yet",
-      }),
+    seen: (degrees: string) => `Measured at ${degrees}. At others, forecast as for other cars.`,
+    otherFactors: each({
+      one: "# more factor, not measurable yet",
+      other: "# more factors, not measurable yet",
+    }),
     weights: "How the forecasts are made",
     experts: {
       published: "published values",
@@ -754,8 +740,7 @@ export const en = {
       near_32: "consumption around 32 °C",
     },
     byTrips: "own trips",
-    errorOfLast: (trips: number) =>
-      count(trips, { one: "Error of the last trip", other: "Error of the last # trips" }),
+    errorOfLast: each({ one: "Error of the last trip", other: "Error of the last # trips" }),
     errorBefore: (error: string, falls: boolean) =>
       `${error} in as many trips before: the error ${falls ? "falls" : "does not fall"}.`,
     whyWide: "Why the range is wide, and what helps",
@@ -765,11 +750,10 @@ export const en = {
       `${trips} of ${count(of, { one: "# trip", other: "# trips" })} without outside temperature: switch it on in the app that logs.`,
     young: (trips: number) =>
       `${count(trips, { one: "Only # trip", other: "Only # trips" })} so far: the range narrows with each one, and most at temperatures that are new.`,
-    widthOfLast: (trips: number) =>
-      count(trips, {
-        one: "Width of its 90 % range, as a share of the energy",
-        other: "Width of their 90 % ranges, as a share of the energy",
-      }),
+    widthOfLast: each({
+      one: "Width of its 90 % range, as a share of the energy",
+      other: "Width of their 90 % ranges, as a share of the energy",
+    }),
     diary: "Diary",
     widthNeeded: "would have been enough",
     score: (error: string, inside: number, trips: number, width: string, needed: string) =>

@@ -1,6 +1,6 @@
 /** Forms of a noun by its count. */
 
-interface Forms {
+export interface Forms {
   one: string;
   other: string;
 }

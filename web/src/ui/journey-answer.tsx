@@ -58,7 +58,7 @@ function Doubt({ chance }: { chance: number }) {
   if (verdict === "good") return <small class="unseen">{chanceInFigures(chance)}</small>;
   const isNone = hundredthsOf(chance).count < DOES_NOT;
   return (
-    <small class={`doubt-${verdict}`}>
+    <small class={`chance-${verdict}`}>
       {isNone ? journey.doesNotArrive : result.glanceReserve(chanceInFigures(chance))}
     </small>
   );

@@ -18,7 +18,6 @@ import { Chance } from "./chance";
 import { Climb } from "./climb";
 import { CompareLine } from "./compare";
 import { Failure, Waiting } from "./failure";
-import { Icon } from "./icons";
 import { NeedAnswer, needSentence, needVerdict } from "./need";
 import { Stat } from "./parts";
 import { ShareTools } from "./share";
@@ -145,12 +144,13 @@ function reasonText(): string | null {
 function Headline({ of, now, isOld }: { of: Forecast; now: Answer; isOld: boolean }) {
   const emptyM = chargingPlan.value ? null : emptyAfterM(of);
   const measured = driving.value && arrived.value;
-  const { result } = text.value;
+  const { result, verdict } = text.value;
   const { figure } = format.value;
   const { reserve } = requested.value.at;
   const detail = measured ? result.measured : result.inTrips(rangeWithUnit(now.interval, PERCENT));
+  const reason = isOld ? verdict.otherPlaces(trip.value?.title ?? "") : reasonText();
   return (
-    <div class={`headline${isOld ? " old" : ""}`}>
+    <div class="headline">
       <p class="arrival">
         <span class="label">{result.onArrival}</span>
         <span class="number">
@@ -160,35 +160,15 @@ function Headline({ of, now, isOld }: { of: Forecast; now: Answer; isOld: boolea
         <span class="range">{emptyM === null ? detail : <Empty of={of} afterM={emptyM} />}</span>
       </p>
       <Whole now={now} isEmpty={emptyM !== null} />
-      {!measured && reasonText() && <p class="reason">{reasonText()}</p>}
+      {!measured && reason && <p class="reason">{reason}</p>}
       {!measured && (
-        <div class="chance-box">
-          <Chance
-            verdict={shownVerdict(now)}
-            chance={decisiveChance(now)}
-            reserve={now.pReserve === null ? 0 : reserve}
-            atAll={now.pArrive}
-          />
-          {isOld && (
-            <p class="chance chance-open other-places">
-              <Icon name="warning" />
-              <span>{text.value.verdict.otherPlaces(trip.value?.title ?? "")}</span>
-            </p>
-          )}
-        </div>
+        <Chance
+          verdict={shownVerdict(now)}
+          chance={decisiveChance(now)}
+          reserve={now.pReserve === null ? 0 : reserve}
+          atAll={now.pArrive}
+        />
       )}
-    </div>
-  );
-}
-
-/** Until the charging stops are there: what is known without them. */
-function Looking({ now }: { now: Answer }) {
-  return (
-    <div class="looking">
-      <p>{text.value.verdict.needsCharging}</p>
-      <div class="old">
-        <Whole now={now} isEmpty />
-      </div>
     </div>
   );
 }
@@ -332,7 +312,7 @@ export function VerdictCard() {
   const said = isDistance ? needSentence() : shown && !isCompared && !isOther ? sentence(now) : words.title;
   return (
     <section
-      class={`card verdict${isLate.value ? " late" : ""}${isSettled && verdict ? ` verdict-${verdict}` : ""}`}
+      class={`card verdict${isLate.value || isOther || isLookingForStops.value ? " late" : ""}${isSettled && verdict ? ` verdict-${verdict}` : ""}`}
       aria-labelledby="verdict-title"
       aria-busy={isLate.value || (!shown && !isDistance)}
     >
@@ -346,7 +326,7 @@ export function VerdictCard() {
       {shown && !isCompared && !isLookingForStops.value && <Headline of={of} now={now} isOld={isOther} />}
       {shown && !isLookingForStops.value && <ToDo of={of} />}
       {shown && !isLookingForStops.value && <HowSure of={of} now={now} />}
-      {shown && isLookingForStops.value && <Looking now={now} />}
+      {shown && isLookingForStops.value && <Whole now={now} isEmpty />}
       {!shown && !isDistance && !problem.value && <Waiting />}
     </section>
   );
