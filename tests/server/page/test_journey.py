@@ -391,7 +391,8 @@ def test_verdict_list_and_chart_speak_of_the_journey_with_its_charging_stop(page
     assert "97 of 100 trips" in page.locator(".chance").inner_text()
     assert "including 12\u00a0min charging and 5\u00a0min plugging in" in page.locator(".whole").inner_text()
     todo = page.locator(".todo li").first.inner_text().replace("\u00a0", " ")
-    assert todo.startswith("Drive ") and "to “Halbweg” and charge for 12 min, from 13 % to 45 % (about " in todo
+    assert todo.startswith("Drive ")
+    assert "to “Halbweg” and charge for 12 min, from 13 % to 45 % (about " in todo
     link = page.locator(".todo a")  # for the navigation of the phone
     assert link.get_attribute("href") == "geo:47,9.05"
     stops = page.locator(".stops li")
@@ -635,7 +636,10 @@ def test_one_reason_is_first_and_no_action_contradicts_the_plan(page: Any) -> No
     page.get_by_role("heading", name="You may not arrive", exact=True).wait_for()
     assert page.locator(".reason").inner_text().startswith("The charge may not be enough to reach one")
     todo = page.locator(".todo li").all_inner_texts()
-    assert [words.split()[0] for words in todo] == ["Drive", "Or"]  # who has 16 % is not asked to leave with 40 %
+    assert [words.split()[0] for words in todo] == [
+        "Drive",
+        "Or",
+    ]  # who has 16 % is not asked to leave with 40 %
     assert todo[-1] == "Or drive at most 90\u00a0km/h on the motorway, without a charging stop."
     page.get_by_text("None of this gives a chance").wait_for()
     page.locator(".advice", has_text="Take the route “Route 2”").wait_for()
