@@ -488,10 +488,8 @@ class TripStore:
             # a predicate stays in the table's log, so it must not name the vehicle
             where = f"bucket = {bucket} AND digest IN ({_sql_texts(digests)})"
             erased.append(folder.delete(where) if digests else 0)
-        for folder in (
-            self.rows,
-            self.samples,
-        ):  # first: an earlier call may have been killed before it came here
+        # first: an earlier call may have been killed before it came here
+        for folder in (self.rows, self.samples):
             folder.drop_old_files(0)
         if not any(erased):
             raise InvalidInput.of("unknown vehicle", "vehicle_id", repr(vehicle_id), "a vehicle of the store")
