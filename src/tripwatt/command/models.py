@@ -11,17 +11,8 @@ import tripwatt as tw
 from tripwatt import trips
 from tripwatt.command import shared
 from tripwatt.command.options import Answer, argument, flag, option, require_effect
-from tripwatt.command.printing import (
-    change,
-    console,
-    grouped,
-    kwh,
-    print_notes,
-    print_table,
-    progress,
-    say,
-    share,
-)
+from tripwatt.command.printing import console, grouped, kwh, print_notes, print_table, progress, say
+from tripwatt.command.sentences import change, share
 from tripwatt.errors import Check, Fault, InvalidInput, raise_faults
 
 

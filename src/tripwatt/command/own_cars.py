@@ -12,17 +12,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 import tripwatt as tw
 from tripwatt.command import shared
 from tripwatt.command.options import Answer, argument, flag, make_group, option
-from tripwatt.command.printing import (
-    change,
-    console,
-    kwh,
-    print_notes,
-    print_reading,
-    print_table,
-    progress,
-    say,
-    share,
-)
+from tripwatt.command.printing import console, kwh, print_notes, print_reading, print_table, progress, say
+from tripwatt.command.sentences import change, share
 from tripwatt.errors import Fault, or_none, raise_faults
 
 if TYPE_CHECKING:

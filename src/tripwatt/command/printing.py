@@ -7,9 +7,9 @@ import math
 import re
 import sys
 import time
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, Any, Final, TextIO
+from typing import TYPE_CHECKING, Final, TextIO
 
 import typer
 
@@ -125,10 +125,8 @@ def print_reading(fleet: TripSet, result: Audit) -> None:
 def print_notes(notes: Iterable[str | Flag]) -> None:
     """Print notes on standard error; a flag is printed as its sentence, a serious flag as a warning."""
     for note in notes:
-        text = f"note: {note}"
-        if not isinstance(note, str):
-            text = f"{'warning' if severity_of(note) == 'warning' else 'note'}: {message(note)}"
-        say(text, err=True)
+        kind = "note" if isinstance(note, str) or severity_of(note) != "warning" else "warning"
+        say(f"{kind}: {note if isinstance(note, str) else message(note)}", err=True)
 
 
 def print_few_notes(flags: Sequence[Flag]) -> None:
@@ -179,25 +177,3 @@ def kwh(energy_wh: float, digits: int = 2, sign: str = "") -> str:
     ('1.23 kWh', '+0.000 kWh')
     """
     return f"{round(energy_wh / 1000.0, digits) + 0.0:{sign}.{digits}f} kWh"
-
-
-def share(value: float | None) -> str:
-    """Format a share in percent; returns "unknown" for None.
-
-    Examples
-    --------
-    >>> share(0.0774), share(None)
-    ('7.7%', 'unknown')
-    """
-    return "unknown" if value is None else f"{value:.1%}"
-
-
-def change(value: Mapping[str, Any], key: str, sign: str = "+") -> str:
-    """Format the entry `key` of a car's learned change, such as the change or its uncertainty, in the unit of the change.
-
-    Examples
-    --------
-    >>> change({"change": 0.05, "unit": "1"}, "change"), change({"sd": 0.3, "unit": "kW"}, "sd", sign="")
-    ('+5.0%', '0.30 kW')
-    """
-    return f"{value[key]:{sign}.2f} kW" if value["unit"] == "kW" else f"{value[key]:{sign}.1%}"

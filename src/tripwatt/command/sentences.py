@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import datetime as dt
-from typing import TYPE_CHECKING, Final
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any, Final
 
 import tripwatt as tw
 from tripwatt.command.printing import kwh
@@ -170,3 +171,25 @@ def _kwh(energy_wh: float) -> str:
 
 def _percent(fraction: float) -> str:
     return f"{round(100.0 * fraction)}"
+
+
+def share(value: float | None) -> str:
+    """Format a share in percent; returns "unknown" for None.
+
+    Examples
+    --------
+    >>> share(0.0774), share(None)
+    ('7.7%', 'unknown')
+    """
+    return "unknown" if value is None else f"{value:.1%}"
+
+
+def change(value: Mapping[str, Any], key: str, sign: str = "+") -> str:
+    """Format the entry `key` of a car's learned change, such as the change or its uncertainty, in the unit of the change.
+
+    Examples
+    --------
+    >>> change({"change": 0.05, "unit": "1"}, "change"), change({"sd": 0.3, "unit": "kW"}, "sd", sign="")
+    ('+5.0%', '0.30 kW')
+    """
+    return f"{value[key]:{sign}.2f} kW" if value["unit"] == "kW" else f"{value[key]:{sign}.1%}"

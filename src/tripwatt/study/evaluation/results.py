@@ -228,7 +228,7 @@ def write_results(run: EvaluationRun, out: Path) -> None:
     """
     out.mkdir(parents=True, exist_ok=True)
     text = json.dumps(run.results, indent=1, allow_nan=False, default=np.generic.item)
-    (out / "results.json").write_text(text + "\n", encoding="utf-8")
+    write_text(out / "results.json", f"{text}\n")
     write_text(out / "folds.csv", csv_text(run.folds))
     if run.forecast is not None:
         write_text(out / "forecasts.csv", csv_text(run.forecast))

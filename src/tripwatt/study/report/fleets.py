@@ -255,9 +255,8 @@ class ManagerReport:
 
 def _csv_text(table: pd.DataFrame) -> str:
     """Write a table as CSV, with times in ISO 8601 and their offset."""
-    times = table.columns.intersection(["departs_at", "arrives_at"])
-    texts = {name: table[name].map(lambda time: time.isoformat(timespec="seconds")) for name in times}
-    return csv_text(table.assign(**texts))
+    times = table.filter(["departs_at", "arrives_at"]).map(lambda time: time.isoformat(timespec="seconds"))
+    return csv_text(table.assign(**{f"{name}": times[name] for name in times}))
 
 
 _ERROR: Final = (
