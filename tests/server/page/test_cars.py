@@ -176,7 +176,7 @@ def test_a_car_is_made_taught_used_and_deleted(opened: Any, service: Service) ->
     dialog(page).get_by_role("button", name="Delete …").click()
     dialog(page).get_by_role("button", name="Delete", exact=True).click()
     dialog(page).get_by_role("heading", name="Add a car").wait_for()
-    assert service.client.get("/v1/cars").json() == {"cars": []}
+    assert service.client.get("/v1/cars").json() == {"cars": [], "damaged": {}}
     dialog(page).get_by_role("button", name="Close").click()
     assert page.get_by_role("combobox", name="Car").input_value() == "BMW i3 60 Ah"
 

@@ -137,7 +137,7 @@ export const describeCar = posting("/v1/vehicles");
 export const listExamples = async () => (await ask("get", "/v1/examples")).examples;
 export const loadExample = (trip: string) => ask("get", "/v1/examples/{trip}", { path: { trip } });
 
-export const listCars = async () => (await ask("get", "/v1/cars")).cars;
+export const listCars = () => ask("get", "/v1/cars");
 export const createCar = posting("/v1/cars");
 export const getCar = (car: string) => ask("get", "/v1/cars/{car}", { path: { car } });
 export const forgetCar = (car: string) => ask("delete", "/v1/cars/{car}", { path: { car } });

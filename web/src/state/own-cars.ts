@@ -11,6 +11,9 @@ const LOOK_AGAIN_MS = 700;
 
 /** Null where the service keeps no cars. */
 export const ownCars = signal<OwnCarSummary[] | null>(null);
+
+/** Names of cars that cannot be read, and why. */
+export const damagedCars = signal<Record<string, Fault[]>>({});
 /** The car that is shown, with its diary. */
 export const shownCar = signal<OwnCar | null>(null);
 export const faultsOfCars = signal<Fault[]>([]);
@@ -21,8 +24,8 @@ export const isOpen = signal(false);
 /** Open the dialog, with the car of a name where one is given. */
 export function openOwnCars(name = ""): void {
   isOpen.value = true;
-  const [only] = ownCars.value ?? [];
-  const wanted = name || (ownCars.value?.length === 1 ? only?.name : "");
+  const [only, ...others] = [...(ownCars.value ?? []), ...Object.keys(damagedCars.value)];
+  const wanted = name || (typeof only === "object" && others.length === 0 ? only.name : "");
   if (wanted) void showCar(wanted);
 }
 
@@ -51,7 +54,11 @@ export async function asked<T>(request: () => Promise<T>): Promise<T | null> {
 
 /** Load the cars, if the service keeps any. */
 export async function loadOwnCars(): Promise<void> {
-  ownCars.value = await listCars();
+  const { cars, damaged } = await listCars();
+  batch(() => {
+    ownCars.value = cars;
+    damagedCars.value = damaged;
+  });
 }
 
 /** What the owner of a car calls it. */

@@ -7,6 +7,7 @@ import { senderAddress, viewAddress } from "../model/to-phone";
 import { car, vehicle, vehicles } from "../state/car";
 import {
   addCar,
+  damagedCars,
   dropCar,
   faultsOfCars,
   isOpen,
@@ -38,6 +39,12 @@ function List() {
               {row.title} · {words.inDiary(row.in_diary)}
             </span>
           </button>
+        </li>
+      ))}
+      {Object.entries(damagedCars.value).map(([name, faults]) => (
+        <li key={name}>
+          <span class="name">{name}</span>
+          <FaultList faults={faults} />
         </li>
       ))}
     </ul>
