@@ -21,6 +21,7 @@ from tripwatt.hybrid import SegmentTable
 from tripwatt.study.synthetic import synthetic_fleet
 from tripwatt.trips import Departure, Plan, Trip
 from tripwatt.uncertainty import ChargeScale, RouteUncertainty, UncertaintyModel
+from tripwatt.uncertainty.charge import NORMAL_SCALE
 from tripwatt.uncertainty.conformal import ConformalScores
 from tripwatt.uncertainty.process import (
     ComponentProcess,
@@ -755,7 +756,7 @@ def test_an_update_by_charge():
     # steps of 0.01: the last change, to 0.475, lies half way between 40 and 60 s
     taken = 0.025 * WH_PER_SOC
     residual = taken * 72.0 - 3100.0
-    error_w2 = ((0.01 * WH_PER_SOC) ** 2 / 6.0 + (0.03 * taken) ** 2) * 72.0**2
+    error_w2 = ((0.01 / NORMAL_SCALE * WH_PER_DISPLAY) ** 2 + (0.03 * taken) ** 2) * 72.0**2
     first = BOTH_W2 + NOISE_W2[0] + CLIMATE_NOISE**2
     seen = first * residual / (first + error_w2)
     share = 0.2 + ONE_SIXTH * (0.5 - 0.2)

@@ -21,11 +21,13 @@ from tripwatt.forecasting.measured import (
     since_departure,
 )
 from tripwatt.trips import Plan
-from tripwatt.uncertainty.charge import ChargeScale
+from tripwatt.uncertainty.charge import NORMAL_SCALE, ChargeScale
 
 EXACT = {"rel": 1e-9, "abs": 1e-9}
 NO = np.nan
 SCALE = ChargeScale(0.1, 0.9, 16_000.0, 0.01, 0.02)
+MARK_WH2 = (0.01 * 16_000.0 / NORMAL_SCALE) ** 2 / 2.0
+"""Two marks have the error of a display at arrival."""
 
 
 class Segments:
@@ -122,27 +124,28 @@ class TestCharge:
         return read(pd.DataFrame({"time_s": np.asarray(time, dtype=float), "soc": soc}))
 
     def test_three_steps(self) -> None:
-        """A display of 0.5 falls to 0.46875 half way between 20 and 30 s: 500 Wh; steps of 200 Wh, and 3 % of the capacity."""
+        """A display of 0.5 falls to 0.46875 half way between 20 and 30 s: 500 Wh; two marks, and 3 % of the capacity."""
         measured, found = self.readings([0, 10, 20, 30], [0.50, 0.49, 0.48, 0.47])
         hours = 25.0 / 3600.0
         assert found.weights == pytest.approx(np.array([[0.4, 0.4, 0.2]]), **EXACT)
         assert found.power_w == pytest.approx([500.0 / hours], **EXACT)
         assert found.covariance_w2 == pytest.approx(
-            np.array([[(200.0**2 / 6.0 + 15.0**2) / hours**2]]), **EXACT
+            np.array([[(2.0 * MARK_WH2 + 15.0**2) / hours**2]]), **EXACT
         )
         assert measured.until_s == 30.0
         assert measured.energy_wh is None
         assert measured.anchor == ChargeReading(30.0, 0.47, False)
 
     def test_fine_readings(self) -> None:
-        """Steps of 0.0025 count as 0.005, 80 Wh: marks are at 8.5 s, 200 Wh, and at 22.5 s, 300 Wh more. The capacity is shared."""
+        """Marks are at 8.5 s, 200 Wh, and at 22.5 s, 300 Wh more. Both spans share a mark and the capacity."""
         _, found = self.readings([0, 5, 7, 12, 14, 31], [0.5, 0.498, NO, 0.482, 0.482, 0.468])
         expected = np.array([[8.5, 0.0, 0.0], [1.5, 10.0, 2.5]]) / [[8.5], [14.0]]
         hours = np.array([8.5, 14.0]) / 3600.0
         power = np.array([200.0, 300.0]) / hours
         assert found.weights == pytest.approx(expected, **EXACT)
         assert found.power_w == pytest.approx(power, **EXACT)
-        errors = np.diag(80.0**2 / 6.0 / hours**2) + 0.03**2 * np.outer(power, power)
+        errors = MARK_WH2 * np.array([[2.0, -1.0], [-1.0, 2.0]]) / np.outer(hours, hours)
+        errors += 0.03**2 * np.outer(power, power)
         assert found.covariance_w2 == pytest.approx(errors, **EXACT)
         assert (found.mean_of(np.eye(3)) > 0.0).any(axis=0).tolist() == [True, True, True]
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Final
@@ -25,7 +26,7 @@ from tripwatt.trips import (
 )
 from tripwatt.trips.inertia import WRONG_SIGN, apparent_mass
 from tripwatt.uncertainty import PowerPrior, ResidualPower
-from tripwatt.uncertainty.charge import CAPACITY_SD, FULL, ChargeScale
+from tripwatt.uncertainty.charge import CAPACITY_SD, FULL, NORMAL_SCALE, ChargeScale
 from tripwatt.uncertainty.process import EXACT_W2, ResidualProcess
 from tripwatt.units import SECONDS_PER_HOUR
 
@@ -269,7 +270,8 @@ def _from_charge(
     """Mean power between readings of the displayed charge that differ by `MARK_STEPS` of its resolution or more.
 
     The first reading is the middle of its step. All others are changes, half way between two steps and two samples. A full display
-    hides charge, so a first reading that is full does not count.
+    hides charge, so a first reading that is full does not count. Two spans share the error of the mark between them: two marks have the error of
+    a display at arrival, given that at departure.
     """
     known = np.isfinite(shown)
     time_s, shown = time_s[known], shown[known]
@@ -288,8 +290,11 @@ def _from_charge(
     inside = np.clip(np.minimum(edges[1:], end_s) - np.maximum(edges[:-1], start_s), 0.0, None)
     hours = seconds[:, 0] / SECONDS_PER_HOUR
     power = -np.diff(levels[marks]) * scale.wh_per_display / hours
-    step_w2 = (step * scale.wh_per_display / hours) ** 2 / 6.0
-    errors_w2 = np.diag(step_w2) + CAPACITY_SD**2 * np.outer(power, power)
+    mark_wh = (
+        max(step / math.sqrt(12.0), scale.displayed_sd / NORMAL_SCALE / math.sqrt(2.0)) * scale.wh_per_display
+    )
+    per_mark = mark_wh * np.diff(np.eye(len(marks)), axis=0) / hours[:, None]
+    errors_w2 = per_mark @ per_mark.T + CAPACITY_SD**2 * np.outer(power, power)
     return SpanReadings(inside / seconds, power, errors_w2)
 
 
