@@ -150,7 +150,8 @@ class Car(LiveCar):
         if values is None:
             got, fix = "no description", "make one: tripwatt car new"
             raise InvalidInput.of("not a car", f"{self.folder}", got, "a folder of `tripwatt car new`", fix)
-        return vehicle_of_values(values)
+        with damage(self.file.path, ALLOWED, FORGET):
+            return vehicle_of_values(values)
 
     @property
     def is_described(self) -> bool:

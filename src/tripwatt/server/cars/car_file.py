@@ -122,8 +122,13 @@ class CarFile:
         self.path = folder / FILE
         self._kept: Database | None = None
 
-    def prepare(self, fill: Callable[[Database], None], settings: Mapping[str, Any] | None = None) -> None:
+    def prepare(self, fill: Callable[[Database], None], settings: Mapping[str, Any] | None = None) -> bool:
         """Create the tables of a new file and fill them, or leave those that it has, and write settings, all in one transaction.
+
+        Returns
+        -------
+        bool
+            False if another process wrote settings of a description first; nothing is written then.
 
         Raises
         ------
@@ -146,7 +151,10 @@ class CarFile:
                         db.execute(statement)
                     fill(db)
                     db.execute(f"PRAGMA user_version = {FORMAT}")
+                if settings and self.setting("state", db) is not None:
+                    return False
                 db.put_settings(settings or {})
+        return True
 
     def keep_open(self) -> None:
         """Use one connection from now on, in one thread at a time, until `close`."""

@@ -13,7 +13,7 @@ from itertools import chain
 from pathlib import Path
 from typing import Any, Final
 
-from tripwatt.errors import InvalidInput, system_errors
+from tripwatt.errors import Fault, InvalidInput, system_errors
 from tripwatt.files import WRITING, folder_lock
 from tripwatt.forecasting.storage import vehicle_values
 from tripwatt.population.cars import for_car
@@ -76,16 +76,19 @@ def create_car(
     car = vehicle if isinstance(vehicle, Vehicle) else load_vehicle(vehicle)
     entries = {entry.name for entry in path.iterdir()} if path.is_dir() else set[str]()
     foreign = {name for name in entries if name not in (FILE, older.LIVE) and not name.startswith(f"{FILE}-")}
+    in_use = Fault(
+        "folder in use", f"{path}", "not empty", "a new or empty folder, or that of a car on the road"
+    )
     if foreign or (path.exists() and not path.is_dir()) or is_car(path):
-        got, allowed = "not empty", "a new or empty folder, or that of a car on the road"
-        raise InvalidInput.of("folder in use", f"{path}", got, allowed)
+        raise InvalidInput(in_use)
     root = None if base is None else Path(base).resolve()
     for_car(root, car)
     with system_errors("cannot write the folder", f"{path}", "a writable folder"):
         path.mkdir(mode=0o700, parents=True, exist_ok=True)
         settings = {"vehicle": vehicle_values(car), "base": None if root is None else f"{root}"}
         settings |= {"label": label or wanted.name, "state": secrets.token_hex(8)}
-        CarFile(path).prepare(partial(older.read_into, path), settings)
+        if not CarFile(path).prepare(partial(older.read_into, path), settings):
+            raise InvalidInput(in_use)
         new_car = Car(path)
         new_car.file.checkpoint()
     return new_car

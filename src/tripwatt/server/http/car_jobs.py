@@ -117,11 +117,13 @@ class CarJobs:
         """Make a car, and return it as `show`."""
         folder = require_folder(self.folder) / folder_name(name)
         try:
-            folder.mkdir(mode=0o700)  # of two calls at the same time, one makes it
-        except FileExistsError:
-            fault = Fault("name is taken", "name", excerpt(name), "a name that no car has")
-            raise Problem("name-taken", faults=(fault,)) from None
-        return self.show(live.create_car(folder, vehicle, label=name).name)
+            if not holds_car(folder):
+                return self.show(live.create_car(folder, vehicle, label=name).name)
+        except InvalidInput:
+            if not live.is_car(folder):  # else another call was faster
+                raise
+        fault = Fault("name is taken", "name", excerpt(name), "a name that no car has")
+        raise Problem("name-taken", faults=(fault,))
 
     def forget(self, name: str) -> dict[str, Any]:
         """Erase a car, also a damaged one."""
