@@ -71,9 +71,12 @@ def test_no_plan_has_an_avoided_station_nor_names_it_as_the_next_one(model, free
     assert not {*used} & {*nexts, *(name for plan in names(found) for name in plan)}
 
 
-def test_a_preferred_network_is_used_where_it_costs_little_time(model):
+@pytest.mark.parametrize("own", [{"networks": ("Betreiber", "Netz AG")}, {"name": "Netz 1"}])
+def test_a_preferred_network_is_used_where_it_costs_little_time(model, own):
+    """A station of no known network is found by its name; the name of another one is not that of its network."""
+
     mixed = [
-        replace(station, name="Netz " + station.name) if k % 2 else station
+        replace(station, **own) if k % 2 else replace(station, networks=("Betreiber",))
         for k, station in enumerate(ROW.stations)
     ]
 
@@ -83,10 +86,13 @@ def test_a_preferred_network_is_used_where_it_costs_little_time(model):
         ).charging
 
     def others(of):
-        return sum(not stop.station.name.startswith("Netz") for stop in of.stops)
+        return sum(not is_own(stop.station) for stop in of.stops)
+
+    def is_own(station):
+        return all(getattr(station, name) == value for name, value in own.items())
 
     free, found = plan(mixed), plan(mixed, "netz")
     assert others(found) < others(free)
     assert 0.0 <= found.duration_s - free.duration_s <= 900.0 * (others(free) - others(found))
-    slow = [replace(one, power_w=3000.0) if one.name.startswith("Netz") else one for one in mixed]
+    slow = [replace(one, power_w=3000.0) if is_own(one) else one for one in mixed]
     assert others(plan(slow, "netz")) == len(plan(slow, "netz").stops)

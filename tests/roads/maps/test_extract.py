@@ -1,5 +1,7 @@
 """Objects of an OpenStreetMap extract."""
 
+from dataclasses import replace
+
 import pytest
 from tests.roads.maps.made import node, osm, way
 
@@ -202,6 +204,15 @@ def test_a_station_is_named_by_its_operator_where_it_has_no_name():
     assert station_of_tags({"network": "n"}, 47.0, 9.0).name == "n"
 
 
+def test_a_station_has_its_network_its_operator_and_its_brand():
+    tags = {"name": "Mitte", "network": "Netz", "brand": "Marke", "operator": "Strom"}
+    found = station_of_tags(tags, 47.0, 9.0)
+    assert (found.name, {*found.networks}) == ("Mitte", {"Netz", "Marke", "Strom"})
+    with_plug = station_of_tags(tags | {"socket:type2": "1"}, 47.0, 9.0)
+    assert with_plug.networks == with_plug.usable_with({"type2"}).networks == found.networks
+    assert station_of_tags({"name": "Mitte", "operator": ""}, 47.0, 9.0).networks == ()
+
+
 def test_places_streets_houses_and_stations_of_an_extract(objects_of):
     charger = {"amenity": "charging_station", "operator": "Strom AG", "socket__type2_combo": "2"}
     objects = (
@@ -218,7 +229,10 @@ def test_places_streets_houses_and_stations_of_an_extract(objects_of):
     assert objects_of(*objects) == [
         Named("town", "Westend", 47.0, 9.0),
         Named("house", "7", 47.01, 9.01, "Ring", "Altdorf"),
-        Station.with_plugs(47.02, 9.02, "Strom AG", Plug("type2_combo", 150_000.0)),
+        replace(
+            Station.with_plugs(47.02, 9.02, "Strom AG", Plug("type2_combo", 150_000.0)),
+            networks=("Strom AG",),
+        ),
         Named("poi", "Café Blau", 47.02, 9.03),
         Named("street", "Ring", 47.02, 9.0),
     ]

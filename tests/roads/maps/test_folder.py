@@ -48,9 +48,9 @@ def test_a_map_says_what_it_is_made_of(builder, tmp_path):
     made = builder(*PLACES, progress=steps.append)
     assert steps == ["places", "elevation", "roads"]
     assert sorted(path.name for path in made.folder.iterdir()) == ["map.json", "places.sqlite", "tiles"]
-    assert (made.folder / "map.json").read_text("utf-8").startswith('{\n "format": 4,\n "extract":')
+    assert (made.folder / "map.json").read_text("utf-8").startswith('{\n "format": 5,\n "extract":')
     assert made.info == {
-        "format": 4,
+        "format": 5,
         "extract": "region.osm",
         "extract_bytes": (tmp_path / "region.osm").stat().st_size,
         "attribution": "© OpenStreetMap contributors, ODbL 1.0",
@@ -155,7 +155,7 @@ def test_a_map_folder_is_opened(tmp_path):
         ),
         ("{", "no map: .*JSONDecodeError"),
         ("[]", "map of another release: .*: got no object"),
-        (json.dumps({"format": 99}), "map of another release: .*: got format 99; allowed: format 4"),
+        (json.dumps({"format": 99}), "map of another release: .*: got format 99; allowed: format 5"),
     ],
 )
 def test_a_folder_without_a_map_is_refused(tmp_path, text, message):

@@ -339,6 +339,7 @@ def test_bus_stops_with_the_height_of_their_municipality_do_not_count(tmp_path):
 
 def test_an_index_without_plugs_is_a_fault_with_a_fix(tmp_path):
     station = Station.with_plugs(47.0, 9.0, "A", Plug("type2", 11e3, power_known=False), Plug("chademo", 5e4))
+    station = replace(station, networks=("Netz; Nord", "Strom"))
     made = written(tmp_path, [station])
     assert made.stations() == (station,)
     with closing(sqlite3.connect(made.path)) as database, database:

@@ -81,7 +81,8 @@ class StopRules:
     avoid : tuple of Place
         Stations that are not used.
     networks : tuple of str
-        Networks whose stations are preferred: beginnings of the stations' names. Empty if there is no preference.
+        Networks whose stations are preferred: beginnings of `Station.networks`, or of the name of a station without any. Empty if there is no
+        preference.
     """
 
     curve: ChargingCurve
@@ -94,8 +95,8 @@ class StopRules:
 
     def prefers(self, station: Station) -> bool:
         """Return whether a station is of a preferred network; True if there is no preference."""
-        name = station.name.casefold()
-        return not self.networks or any(name.startswith(network.casefold()) for network in self.networks)
+        known = [network.casefold() for network in station.networks or (station.name,)]
+        return not self.networks or any(k.startswith(n.casefold()) for k in known for n in self.networks)
 
 
 @dataclass(frozen=True, eq=False)
@@ -188,9 +189,8 @@ class Corridor:
 
     def _with_choice(self, problem: StopProblem) -> StopProblem:
         """Return the problem without legs past a chosen station, and with the cost of stations of other networks in the time."""
-        time = problem.time_s + _OTHER_NETWORK_S * np.array(
-            [0.0, *(not self.rules.prefers(station) for station in self.stations), 0.0]
-        )
+        is_other = [False, *(not self.rules.prefers(station) for station in self.stations), False]
+        time = problem.time_s + _OTHER_NETWORK_S * np.array(is_other)
         for first, last in self._chosen_nodes:
             time[:first, last + 1 :] = np.inf
         return replace(problem, time_s=time)
@@ -214,9 +214,8 @@ class Corridor:
     def cell_degc(self) -> FloatArray:
         """Temperature of the battery's cells at each node on the way without stops [°C]."""
         run = self.forecast.drive.simulation
-        return np.interp(
-            self._at_nodes(self._series["time_s"]), run.time_s - run.time_s[0], run.battery_temperature_degc
-        )
+        passed_s = self._at_nodes(self._series["time_s"])
+        return np.interp(passed_s, run.time_s - run.time_s[0], run.battery_temperature_degc)
 
     @cached_property
     def preheat_soc(self) -> FloatArray:
@@ -289,16 +288,11 @@ class Corridor:
     @property
     def _standing_start_cost(self) -> tuple[float, float]:
         """Mean additional charge and time [s] of routed legs, which start and end at rest, over their estimates; 0 if none is routed."""
-        differences = [
-            (
-                self._leg_need(leg, 0.5, self.rules.reserve)[0] - self._estimates[0][pair],
-                leg.forecast.plan.elapsed_s - self._estimates[1][pair],
-            )
-            for pair, leg in self.routed.items()
-            if leg is not None
-        ]
-        extra_soc, extra_s = np.mean(differences or [(0.0, 0.0)], axis=0).tolist()
-        return extra_soc, extra_s
+        soc, time = self._estimates
+        legs = [(pair, leg) for pair, leg in self.routed.items() if leg is not None]
+        extra_soc = [self._leg_need(leg, 0.5, self.rules.reserve)[0] - soc[pair] for pair, leg in legs]
+        extra_s = [leg.forecast.plan.elapsed_s - time[pair] for pair, leg in legs]
+        return (float(np.mean(extra_soc)), float(np.mean(extra_s))) if legs else (0.0, 0.0)
 
     def _leg_need(self, leg: Leg, chance: float, reserve: float) -> tuple[float, float]:
         """Return the displayed charge that a routed leg takes, and the charge that it needs at its start."""

@@ -74,7 +74,8 @@ class JourneyOptions:
     avoid : tuple of Place
         Stations at which the car does not charge, within 30 m.
     networks : tuple of str
-        Networks that are preferred, as beginnings of the names of stations. A stop at one of them may take a quarter of an hour more.
+        Networks that are preferred, by the beginnings of `Station.networks`, or of the name of a station without any. A stop at one of them
+        may take a quarter of an hour more.
 
     Examples
     --------

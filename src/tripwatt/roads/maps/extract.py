@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final
 
@@ -20,6 +20,9 @@ POINTS_OF_INTEREST: Final = ("amenity", "tourism", "leisure", "shop", "railway",
 
 KINDS: Final = (*SETTLEMENTS, "street", "poi", "house")
 """Kinds of places, the most important first."""
+
+NAME_KEYS: Final = ("name", "operator", "brand", "network")
+"""Keys of the name of a charging station, the best first; all but the first tell who runs it."""
 
 SOCKET: Final = re.compile(r"socket:([a-z0-9_]+)(?::output)?")
 ABSENT: Final = frozenset({"", "no", "none", "0"})
@@ -166,14 +169,19 @@ def station_of_tags(tags: Mapping[str, str], latitude_deg: float, longitude_deg:
         return None
     if "yes" in (tags.get("disused"), tags.get("abandoned")):
         return None
-    name = next((tags[key] for key in ("name", "operator", "brand", "network") if tags.get(key)), "")[:200]
+    given = {key: tags[key][:LONGEST_NAME] for key in NAME_KEYS if tags.get(key)}
+    name, networks = (
+        next(iter(given.values()), ""),
+        tuple(given[key] for key in NAME_KEYS[1:] if key in given),
+    )
     plugs = _plugs(tags, "type1_combo" if longitude_deg < WEST_OF_CCS_2_DEG else "type2_combo")
+    is_for_bicycles = tags.get("bicycle") in ("yes", "designated") and "motorcar" not in tags
+    if plugs and is_for_bicycles and {plug.kind for plug in plugs} <= HOUSEHOLD:
+        return None
+    station = Station.without_plugs(latitude_deg, longitude_deg, name, _whole_w(tags))
     if plugs:
-        is_for_bicycles = tags.get("bicycle") in ("yes", "designated") and "motorcar" not in tags
-        if is_for_bicycles and {plug.kind for plug in plugs} <= HOUSEHOLD:
-            return None
-        return Station.with_plugs(latitude_deg, longitude_deg, name, *plugs)
-    return Station.without_plugs(latitude_deg, longitude_deg, name, _whole_w(tags))
+        station = Station.with_plugs(latitude_deg, longitude_deg, name, *plugs)
+    return replace(station, networks=networks)
 
 
 def _plugs(tags: Mapping[str, str], ccs: str) -> tuple[Plug, ...]:

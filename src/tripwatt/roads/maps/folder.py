@@ -20,7 +20,7 @@ from tripwatt.roads.routers.valhalla import ValhallaRouter
 
 INFO_NAME: Final = "map.json"
 INDEX_NAME: Final = "places.sqlite"
-FORMAT: Final = 4
+FORMAT: Final = 5
 MAX_INFO_BYTES: Final = 1 << 20
 ATTRIBUTION: Final = "© OpenStreetMap contributors, ODbL 1.0"
 """Text that has to be shown wherever a map, a road or a place of an extract is shown."""

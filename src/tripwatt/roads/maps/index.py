@@ -63,7 +63,8 @@ CREATE TEMP TABLE read (kind INTEGER, name TEXT, context TEXT, latitude REAL, lo
 CREATE TEMP TABLE merged AS SELECT * FROM read;
 CREATE TABLE heights (latitude REAL, longitude REAL, height REAL, at_stop INTEGER);
 CREATE INDEX heights_by_height ON heights (height, latitude);
-CREATE TABLE stations (latitude REAL, longitude REAL, name TEXT, power REAL, direct INTEGER, known INTEGER, plug TEXT, plugs TEXT);
+CREATE TABLE stations (latitude REAL, longitude REAL, name TEXT, power REAL, direct INTEGER, known INTEGER, plug TEXT, plugs TEXT,
+    networks TEXT);
 CREATE TABLE places (
     id INTEGER PRIMARY KEY, kind INTEGER, name TEXT, context TEXT, latitude REAL, longitude REAL, also TEXT);
 CREATE VIRTUAL TABLE names USING fts5(name, also, context, content='', prefix='1 2 3', tokenize="unicode61");
@@ -96,8 +97,8 @@ def write_index(
         rest = iter(objects)
         while batch := list(itertools.islice(rest, 20_000)):
             found = [item for item in batch if isinstance(item, Station)]
-            stations = [(*fields, json.dumps(plugs)) for *fields, plugs in map(astuple, found)]
-            database.executemany("INSERT INTO stations VALUES (?, ?, ?, ?, ?, ?, ?, ?)", stations)
+            stations = [(*item[:-2], *map(json.dumps, item[-2:])) for item in map(astuple, found)]
+            database.executemany("INSERT INTO stations VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?)", stations)
             heights = [astuple(item) for item in batch if isinstance(item, Height)]
             database.executemany("INSERT INTO heights VALUES (?, ?, ?, ?)", heights)
             named = [item for item in batch if isinstance(item, Named)]
@@ -170,9 +171,8 @@ def _together(pieces: Sequence[Named]) -> list[list[Named]]:
         near = (group for group in groups if _where(group[0]).distance_m(_where(piece)) <= TWIN_M)
         group = next(near, None)
         if group is None:
-            groups.append([piece])
-        else:
-            group.append(piece)
+            groups.append(group := [])
+        group.append(piece)
     return groups
 
 
@@ -376,11 +376,13 @@ class PlaceIndex:
         with self._damage_is_a_fault():
             rows = self.database.execute("SELECT * FROM stations").fetchall()
             return tuple(
-                Station(
-                    lat, lon, name, w, bool(dc), bool(known), plug, tuple(Plug(*p) for p in json.loads(plugs))
-                )
-                for lat, lon, name, w, dc, known, plug, plugs in rows
+                Station(lat, lon, name, w, bool(dc), bool(known), plug, *_read_lists(plugs, networks))
+                for lat, lon, name, w, dc, known, plug, plugs, networks in rows
             )
+
+
+def _read_lists(plugs: str, networks: str) -> tuple[tuple[Plug, ...], tuple[str, ...]]:
+    return tuple(Plug(*plug) for plug in json.loads(plugs)), tuple(json.loads(networks))
 
 
 def _names(row: Sequence[Any]) -> list[str]:

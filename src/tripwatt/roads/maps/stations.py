@@ -126,6 +126,8 @@ class Station:
         Name on OpenStreetMap of the plug that the car uses; empty if it is not known.
     plugs : tuple of Plug
         All plugs of the station; empty if they are not known.
+    networks : tuple of str
+        The network of the station, who operates it, and its brand; empty if they are not known.
     """
 
     latitude_deg: float
@@ -136,6 +138,7 @@ class Station:
     power_known: bool = True
     plug: str = ""
     plugs: tuple[Plug, ...] = ()
+    networks: tuple[str, ...] = ()
 
     @classmethod
     def with_plugs(cls, latitude_deg: float, longitude_deg: float, name: str, *plugs: Plug) -> Station:

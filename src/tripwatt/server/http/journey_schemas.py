@@ -204,7 +204,7 @@ class PlanRequest(JourneyCar):
     avoid: list[PlaceRequest] = Field([], max_length=100)
     """charging stations that are not used"""
     networks: list[Annotated[str, Field(min_length=1, max_length=100)]] = Field([], max_length=20)
-    """networks that are preferred: beginnings of the names of charging stations"""
+    """networks that are preferred, by the beginnings of the networks of charging stations, or of the name where none is known"""
 
 
 class JourneyAdviceRequest(PlanRequest):
