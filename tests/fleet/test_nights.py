@@ -135,7 +135,9 @@ def test_emhass_charges_between_the_trips(needs):
     ]
     hours = np.array(load["operating_hours_of_each_deferrable_load"])
     charge_wh = needs.loc[needs["vehicle_id"] == "V00000", "charge_wh"]
-    wanted = charge_wh.to_numpy() / (EFFICIENCY * 7400.0)
+    power_w = np.array(load["nominal_power_of_deferrable_loads"])
+    wanted = charge_wh.to_numpy() / (EFFICIENCY * power_w)
+    assert (power_w == np.minimum(needs.loc[needs["vehicle_id"] == "V00000", "alternating_w"], 7400.0)).all()
     assert (hours % 0.5 == 0.0).all()
     assert ((hours >= wanted) & (hours < wanted + 0.5)).all()
     assert load["begins_at"] == "2026-01-11T18:00:00+01:00"
@@ -143,6 +145,29 @@ def test_emhass_charges_between_the_trips(needs):
     assert faults_of(emhass, needs, EVENING + dt.timedelta(hours=15), 7400.0) == [
         ("departs before the charging begins", "V00000")
     ]
+
+
+@pytest.mark.parametrize(
+    ("charger_w", "power_w"), [(3700.0, 3700.0), (7400.0, 6600.0), (22e3, 6600.0), (150e3, 50e3)]
+)
+def test_a_load_has_the_smaller_power_of_charger_and_car(charger_w, power_w):
+    """A car that takes 6.6 kW from a socket and 50 kW with direct current."""
+    row = {"vehicle_id": "V1", "departs_at": EVENING + dt.timedelta(hours=9), "arrives_at": EVENING}
+    table = pd.DataFrame([row | {"charge_wh": 9000.0, "alternating_w": 6600.0, "direct_w": 50e3}])
+    load = emhass(table, EVENING, charger_w, 60.0)
+    assert load["nominal_power_of_deferrable_loads"] == [power_w]
+    hours = 9000.0 / (EFFICIENCY * power_w)
+    assert 0.0 <= load["operating_hours_of_each_deferrable_load"][0] - hours < 1.0 / 60.0
+
+
+def test_the_powers_of_a_need_are_those_of_its_car(fleet, needs):
+    for row in needs.to_dict("records"):
+        charging = fleet[2].of_vehicle(row["vehicle_id"]).vehicle.charging
+        if charging is not None:
+            expected = charging.alternating_power_w, max(charging.power_w)
+            assert (row["alternating_w"], row["direct_w"]) == expected
+        assert 2000.0 < row["alternating_w"] <= 43_000.0
+        assert row["direct_w"] > row["alternating_w"]
 
 
 def test_a_load_of_emhass_by_hand():
@@ -155,6 +180,7 @@ def test_a_load_of_emhass_by_hand():
         ("V3", EVENING + 9 * hour, EVENING + 9.5 * hour, math.nan),
     ]
     table = pd.DataFrame(rows, columns=["vehicle_id", "departs_at", "arrives_at", "charge_wh"])
+    table[["alternating_w", "direct_w"]] = 11_000.0, 50_000.0
     assert emhass(table, EVENING, 7400.0) == {
         "begins_at": "2026-01-11T18:00:00+01:00",
         "prediction_horizon": 10,

@@ -98,6 +98,7 @@ def test_emhass_charges_the_vehicles_of_a_fleet_between_their_trips(tmp_path: Pa
     begins, hour = dt.datetime(2026, 1, 12, 0, 0, tzinfo=dt.UTC), dt.timedelta(hours=1)
     rows = [("V1", 5.0, 6.2, 3297.0), ("V1", 11.0, 12.0, 8000.0)]
     needs = pd.DataFrame(rows, columns=["vehicle_id", "departs_at", "arrives_at", "charge_wh"])
+    needs[["alternating_w", "direct_w"]] = 11_000.0, 50_000.0
     needs[["departs_at", "arrives_at"]] = begins + needs[["departs_at", "arrives_at"]].map(lambda h: h * hour)
     request = emhass(needs, begins, 7400.0)
     steps = request["prediction_horizon"]

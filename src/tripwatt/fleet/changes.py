@@ -171,9 +171,8 @@ def vehicle_series(posterior: GroupPosterior, rows: TripRows) -> Iterator[Vehicl
     groups = [trips[i][:2] for i in read]
     ratio = pd.Series(observed[read] / (start - end)[read])
     usual = observed[read] / ratio.groupby([group[0] for group in groups]).transform("median").to_numpy()
-    cold = np.maximum(
-        WARM_DEGC - np.nan_to_num(rows.numbers("ambient_temperature_degc")[read], nan=WARM_DEGC), 0.0
-    )
+    ambient = rows.numbers("ambient_temperature_degc")[read]
+    cold = np.maximum(WARM_DEGC - np.nan_to_num(ambient, nan=WARM_DEGC), 0.0)
     years = (day[read] - day[0]) / np.timedelta64(365, "D")
     terms = np.column_stack([np.ones(len(read)), cold / WARM_DEGC, years, 0.5 * (start + end)[read] - 0.5])
     X, y, variance = usual[:, None] * terms, (start - end)[read] - usual, _READING_SD**2 + (0.01 * usual) ** 2

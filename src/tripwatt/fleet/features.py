@@ -49,9 +49,8 @@ def segment_features(table: SegmentTable) -> FloatArray:
 
 def trip_features(table: SegmentTable) -> FloatArray:
     """Return the energy of each trip by each feature [Wh], shape (trips, features)."""
-    return np.asarray(
-        np.add.reduceat(segment_features(table) * table.hours[:, None], table.offsets[:-1], axis=0)
-    )
+    weighted = segment_features(table) * table.hours[:, None]
+    return np.asarray(np.add.reduceat(weighted, table.offsets[:-1], axis=0))
 
 
 def trip_variance_wh2(table: SegmentTable) -> FloatArray:

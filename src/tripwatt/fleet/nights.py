@@ -24,8 +24,10 @@ from tripwatt.fleet.model import COLD_DEGC, FleetModel
 from tripwatt.fleet.statistics import TripRows
 from tripwatt.forecasting import Forecast, ForecastModel
 from tripwatt.forecasting.leaving import OF_CHARGE
+from tripwatt.roads.journey import ChargingCurve
 from tripwatt.roads.journey.distances import DISTANCES_KM, KindForecaster, trip_quantiles
 from tripwatt.roads.journey.kinds import UNKNOWN
+from tripwatt.roads.maps.stations import DIRECT_FROM_W
 from tripwatt.routes import route_from_links
 from tripwatt.sources.columnar import open_table
 from tripwatt.trips import LINK_COLUMNS, Departure, Plan, raise_faults
@@ -40,11 +42,14 @@ EFFICIENCY: Final = 0.9
 _MIN_TRIPS: Final = 10
 """Smallest number of trips with which the mean temperature of a week counts: a choice, because a few trips may be on its coldest day."""
 
+POWERS: Final = ("alternating_w", "direct_w")
+"""Columns of the highest powers with which a car charges, with alternating and with direct current."""
+
 _TEXT_COLUMNS: Final = ("vehicle_id", "trip", "departs_at", "car_model", "driver", "kind")
 _TRUTH_VALUES: Final = {"True": True, "False": False}
 _TAKEN_COLUMNS: Final = ("distance_m", "energy_wh", "energy_quantile_wh", "soc_taken")
 _NEED_COLUMNS: Final = ("vehicle_id", "car_model", "departs_at", "arrives_at", "trips", *_TAKEN_COLUMNS[:3], "soc_needed", "soc",
-                "charge_wh", "assumed", "reasons")  # fmt: skip
+                "charge_wh", *POWERS, "assumed", "reasons")  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True)
@@ -196,6 +201,7 @@ def needs_by_hour(
           means that a full battery does not suffice;
         - `soc`: displayed charge now;
         - `charge_wh`: energy to charge for this hour beyond the need of the hours before [Wh]; NaN if `soc` is not known;
+        - `alternating_w`, `direct_w`: highest power with which the car charges [W];
         - `assumed`: names of the values that the trips do not give;
         - `reasons`: sentences on what was assumed and what limits the forecasts.
 
@@ -215,17 +221,19 @@ def needs_by_hour(
         taken = forecast.plan.distance_m, median_wh, quantile_wh, max(soc_taken, 1e-6)
         hour = trip.departs_at.replace(minute=0, second=0, microsecond=0)
         flags = [flag for flag in forecast.flags if flag.code not in OF_CHARGE]
-        rows.append((trip.vehicle_id, car.name, hour, *times, trip.soc, *taken, flags))
-    columns = ["vehicle_id", "car_model", "hour", "departs_at", "arrives_at", "soc", *_TAKEN_COLUMNS, "flags"]
+        most_w = ChargingCurve.from_vehicle(car, forecast.charge.wh_per_display).most_w
+        rows.append((trip.vehicle_id, car.name, hour, *times, trip.soc, *taken, *most_w, flags))
+    known = "vehicle_id", "car_model", "hour", "departs_at", "arrives_at", "soc"
+    columns = [*known, *_TAKEN_COLUMNS, *POWERS, "flags"]
     table = pd.DataFrame(rows, columns=columns).astype(dict.fromkeys((*_TAKEN_COLUMNS, "soc"), float))
     grouped = table.groupby(["vehicle_id", "hour"])
     needs = grouped[list(_TAKEN_COLUMNS)].sum()
     needs["trips"] = grouped.size()
-    needs[["car_model", "departs_at"]] = grouped[["car_model", "departs_at"]].min()
+    lowest = ["car_model", "departs_at", *POWERS]
+    needs[lowest] = grouped[lowest].min()
     needs["arrives_at"] = grouped["arrives_at"].max()
     hourly_flags = [flag_columns(chain.from_iterable(flags)) for _, flags in grouped["flags"]]
-    needs = needs.join(pd.DataFrame(hourly_flags, needs.index, ["assumed", "reasons"]))
-    needs = needs.reset_index()
+    needs = needs.join(pd.DataFrame(hourly_flags, needs.index, ["assumed", "reasons"])).reset_index()
     soc_taken = needs.groupby("vehicle_id")["soc_taken"]
     needs["soc"] = needs["vehicle_id"].map(table.groupby("vehicle_id")["soc"].first())
     taken_so_far = soc_taken.cumsum()
@@ -264,9 +272,8 @@ def coldest_week(rows: TripRows) -> Cold | None:
     Returns None if no trip has a time and a temperature.
     """
     order, day = rows.chronological
-    ambient = pd.Series(
-        rows.numbers("ambient_temperature_degc")[order], pd.DatetimeIndex(day[order])
-    ).dropna()
+    degc = rows.numbers("ambient_temperature_degc")[order]
+    ambient = pd.Series(degc, pd.DatetimeIndex(day[order])).dropna()
     weeks = ambient.groupby(pd.Grouper(freq="W-MON", label="left", closed="left")).agg(["mean", "size"])
     if weeks.empty:
         return None
@@ -307,10 +314,8 @@ def needs_by_car(
     models = {name: model.of_vehicle(None, car_model=name, cold=cold) for name in names}
     needs = {}
     for name, trip in {trip.name: trip for trip in trips}.items():
-        weather = replace(
-            trip.departure, ambient_temperature_degc=ambient_degc, battery_temperature_degc=None
-        )
-        charge = {car: trip_quantiles(trip.forecast(m, weather), (quantile,))[1] for car, m in models.items()}
+        known = replace(trip.departure, ambient_temperature_degc=ambient_degc, battery_temperature_degc=None)
+        charge = {car: trip_quantiles(trip.forecast(m, known), (quantile,))[1] for car, m in models.items()}
         needs[name] = {car: reserve + float(quantiles[0]) for car, quantiles in charge.items()}
     return pd.DataFrame.from_dict(needs, orient="index", columns=names).rename_axis("trip").reset_index()
 
@@ -329,7 +334,8 @@ def emhass(needs: pd.DataFrame, at: dt.datetime, charger_w: float, step_s: float
     at : datetime
         Beginning of the first step, with its time zone.
     charger_w : float
-        Nominal power of a charger [W], of which the share `EFFICIENCY` reaches the battery.
+        Power of a charger [W]; that of a load is the smaller one of charger and car, of which the share `EFFICIENCY` reaches the battery. A
+        charger of more than 43 kW has direct current.
     step_s : float
         Length of a step [s].
 
@@ -341,7 +347,8 @@ def emhass(needs: pd.DataFrame, at: dt.datetime, charger_w: float, step_s: float
     Examples
     --------
     >>> leaves = dt.datetime(2026, 1, 12, 7, 30, tzinfo=dt.UTC)
-    >>> row = {"vehicle_id": "V1", "departs_at": leaves, "arrives_at": leaves, "charge_wh": 13320.0}
+    >>> powers = {"alternating_w": 11000.0, "direct_w": 50000.0}
+    >>> row = {"vehicle_id": "V1", "departs_at": leaves, "arrives_at": leaves, "charge_wh": 13320.0, **powers}
     >>> load = emhass(pd.DataFrame([row]), leaves - dt.timedelta(hours=10), 7400.0)
     >>> load["operating_hours_of_each_deferrable_load"], load["end_timesteps_of_each_deferrable_load"]
     ([2.0], [20])
@@ -356,12 +363,13 @@ def emhass(needs: pd.DataFrame, at: dt.datetime, charger_w: float, step_s: float
     steps = [[(row[name] - at).total_seconds() / step_s for name in ("after", "departs_at")] for row in rows]
     last = [int(end) for _, end in steps]
     step_h = step_s / SECONDS_PER_HOUR
-    steps_needed = loads["charge_wh"] / (EFFICIENCY * charger_w * step_h)
+    power_w = loads[POWERS[charger_w >= DIRECT_FROM_W]].clip(upper=charger_w)
+    steps_needed = loads["charge_wh"] / (EFFICIENCY * power_w * step_h)
     return {
         "begins_at": at.isoformat(timespec="seconds"),
         "prediction_horizon": max([*last, 1]),
         "number_of_deferrable_loads": len(loads),
-        "nominal_power_of_deferrable_loads": [charger_w] * len(loads),
+        "nominal_power_of_deferrable_loads": power_w.tolist(),
         "operating_hours_of_each_deferrable_load": [math.ceil(n - 1e-9) * step_h for n in steps_needed],
         "start_timesteps_of_each_deferrable_load": [math.ceil(max(begin, 0.0)) for begin, _ in steps],
         "end_timesteps_of_each_deferrable_load": last,
@@ -392,7 +400,6 @@ def night_document(needs: pd.DataFrame, at: dt.datetime, charger_w: float) -> di
 
 def records(table: pd.DataFrame) -> list[dict[str, Any]]:
     """Return the rows of a table as data, with times as text in UTC and None for unknown values."""
-    rows: list[dict[str, Any]] = json.loads(
-        table.to_json(orient="records", date_format="iso", double_precision=15)
-    )
+    text = table.to_json(orient="records", date_format="iso", double_precision=15)
+    rows: list[dict[str, Any]] = json.loads(text)
     return rows

@@ -136,6 +136,10 @@ class HourNeed(schemas.ResponseModel):
     """displayed charge now"""
     charge_wh: float | None
     """to be charged for this hour beyond what the hours before need [Wh]; null where the charge now is not known"""
+    alternating_w: float
+    """highest power with which the car charges, with alternating current [W]"""
+    direct_w: float
+    """the same with direct current [W]"""
     assumed: str | None
     """what was not given, as names of fields"""
     reasons: str | None
