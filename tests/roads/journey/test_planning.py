@@ -103,6 +103,8 @@ def test_stops_and_the_way_back(model):
     assert charges[0] == pytest.approx(0.9)
     assert charges[-1] == pytest.approx(road.forecast.soc_arrival)
     assert len(found.to_dict()["roads"][0]["stops"]) == 2
+    one_way = journey(model, stops=(A, Place(47.0, 9.1), Place(47.0, 9.2)), answers=False)
+    assert [[flag.code for flag in one.flags] for one in (found, one_way)] == [["no_pause"], []]
 
 
 def test_another_car_takes_another_energy_and_is_flagged(model):

@@ -60,7 +60,7 @@ class JourneyOptions:
     alternatives : int
         Number of other roads besides the fastest.
     round_trip : bool
-        Whether the journey leads back to the start.
+        Whether the journey leads back to the start, without a pause.
     answers : bool
         Whether costs, speed and charging are computed besides the forecasts.
     charging_curve : ChargingCurve or None
@@ -567,14 +567,14 @@ def journey_with(
     forecasts = _label_roads([roads[k] for k in order], options.reserve)
     first = forecasts[0]
     needed = soc_needed(first.forecast, options.reserve, CERTAIN)
-    far = _far_from_road(stops, first.road)
-    journey = Journey(stops, forecasts, options.reserve, needed, flags=far, attribution=atlas.attribution)
+    noted = _far_from_road(stops, first.road) + (Flag("no_pause", "road"),) * options.round_trip
+    journey = Journey(stops, forecasts, options.reserve, needed, flags=noted, attribution=atlas.attribution)
     if not options.answers:
         return journey
     speed = _speed_advice(forecaster, first, options.reserve)
     journey = replace(journey, speed=speed, charging_alternatives=plans[1:])
     if plans or (options.charge and first.forecast.p_arrive(options.reserve) < CERTAIN):
-        flags = (*far, *_charging_flags(chosen, plans))
+        flags = (*noted, *_charging_flags(chosen, plans))
         journey = replace(journey, corridor=chosen if plans else None, flags=flags)
     costs = [_leg_costs(leg, forecaster) for leg in first.whole(options.reserve).legs]
     return replace(journey, costs_wh={cause: sum(cost[cause] for cost in costs) for cause in costs[0]})

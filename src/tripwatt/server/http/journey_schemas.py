@@ -192,7 +192,7 @@ class PlanRequest(JourneyCar):
     alternatives: int = Field(0, ge=0, le=3)
     """other roads beside the fastest"""
     round_trip: bool = False
-    """back to the start"""
+    """back to the start, without a pause"""
     answers: bool = True
     """whether costs, speed and charging are worked out"""
     charge: bool = True
