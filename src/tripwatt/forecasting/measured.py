@@ -195,7 +195,7 @@ def read_measured(
         If the samples have neither energy nor a state of charge.
     """
     time = samples["time_s"]
-    anchor = _last_reading(samples, time)
+    anchor = last_reading(samples, time)
     cumulative = measured_energy(samples)
     if cumulative is not None:
         until = float(time[np.flatnonzero(np.isfinite(cumulative))[-1]])
@@ -210,7 +210,7 @@ def read_measured(
     raise InvalidInput.of("no measured energy", WHERE, where, "voltage_v and current_a, or soc")
 
 
-def _last_reading(samples: Columns, time: FloatArray) -> ChargeReading | None:
+def last_reading(samples: Columns, time: FloatArray) -> ChargeReading | None:
     """Return the last reading of the display, else of the battery management, else None."""
     for name in ("displayed_soc", "soc"):
         known = np.flatnonzero(np.isfinite(samples[name])) if name in samples else np.empty(0, np.int64)

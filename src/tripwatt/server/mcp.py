@@ -176,9 +176,8 @@ def _describe_tool(name: str, remote: bool) -> types.Tool:
     inputs: list[tuple[type[BaseModel], Literal["validation"]]] = [(tool.takes, "validation")]
     if "links" in tool.takes.model_fields:
         inputs.append((schemas.Link, "validation"))  # which the schema of links names as OpenAPI has it
-    definitions = orjson.dumps(
-        models_json_schema(inputs, ref_template="#/components/schemas/{model}")[1]["$defs"]
-    )
+    _, found = models_json_schema(inputs, ref_template="#/components/schemas/{model}")
+    definitions = orjson.dumps(found["$defs"])
     schemas_by_name = orjson.loads(definitions.replace(b"#/components/schemas/", b"#/$defs/"))
     hints = types.ToolAnnotations(read_only_hint=reads, destructive_hint=False, open_world_hint=remote)
     return types.Tool(

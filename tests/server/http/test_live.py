@@ -233,6 +233,20 @@ def test_a_charge_that_the_energy_contradicts_is_not_shown(served: Served, stuck
     assert found["soc"] == pytest.approx(0.9 - taken, abs=0.03)
 
 
+@pytest.mark.parametrize("stuck", [90.0, 0.0, None])
+def test_without_a_plan_a_charge_that_the_energy_contradicts_is_not_shown(
+    tmp_path: Path, stuck: float | None
+) -> None:
+    create_car(tmp_path / "i3", "bmw_i3_60ah")
+    with Car.follow(tmp_path / "i3") as car:
+        for second in range(0, 2400, 10):
+            right = 90.0 - 12_500.0 * second / 36.0 / own_wh_per_display()
+            sent = message(float(second), speed=90.0, power=12.5, soc=right if stuck is None else stuck)
+            car.record(sample_from_abrp(sent))
+        assert car.updated is None
+        assert car.shown_soc() == (pytest.approx(right / 100.0) if stuck is None else None)
+
+
 def own_wh_per_display() -> float:
     return tw.forecast(LINKS, tw.Departure(soc=0.9)).charge.wh_per_display
 

@@ -20,6 +20,7 @@ from tripwatt.errors import Fault, InvalidInput, damage, raise_faults, system_er
 from tripwatt.forecasting import Forecast, ForecastModel
 from tripwatt.forecasting.storage import vehicle_of_values
 from tripwatt.modelfile import FORMAT_VERSION, METADATA
+from tripwatt.physics.battery import usable_energy_wh
 from tripwatt.server.cars.car_file import ALLOWED, FORGET, MadeForecast, row_of_log
 from tripwatt.server.cars.diary import Diary
 from tripwatt.server.cars.documents import HIGH, LOW, LiveForecastDocument, LiveResponse, live_forecast
@@ -421,7 +422,8 @@ class Car(LiveCar):
         -------
         float or None
             A charge of the battery management is converted with the car's model; None if there is no model.
-            A charge that the measured energy contradicts is replaced by that of the forecast. None also if no message has a charge.
+            A charge that the measured energy contradicts is replaced by that of the forecast; without a forecast, it is None if the car has
+            a description. None also if no message has a charge.
 
         Examples
         --------
@@ -440,6 +442,12 @@ class Car(LiveCar):
         if now is not None and any(flag.code == "charge_contradicted" for flag in now.flags):
             columns = now.along.columns()
             return float(np.interp(now.measured_until_s, columns["time_s"], columns["displayed_soc"]))
+        if (
+            now is None
+            and self.is_described
+            and self.charge_contradicted(usable_energy_wh(self.vehicle.battery))
+        ):
+            return None
         if field == "soc" or self.model_of is None:
             return soc if field == "soc" else None
         model = self.model_of({} if self.plan is None else self.plan.request)

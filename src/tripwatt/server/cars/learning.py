@@ -131,9 +131,8 @@ class Learner:
         published, adaptation, model = for_car(self.base, self.vehicle), self.adaptation(), self.model()
         for number, trip in enumerate(ahead, start=1):
             try:
-                row = diary_entry(
-                    trip, model.forecast(trip), published.forecast(trip), len(adaptation.evidence)
-                )
+                forecasts = model.forecast(trip), published.forecast(trip)
+                row = diary_entry(trip, *forecasts, len(adaptation.evidence))
                 adaptation = adaptation.with_trips([trip])
             except InvalidInput as error:
                 lesson.left_out[trip.trip_id] = f"{error}"

@@ -122,9 +122,8 @@ async def learn(call: Called, car: CarName, upload: UploadName) -> Response:
         return checked
     faults = orjson.loads(checked.body)["faults"]
     if faults:
-        raise invalid_input(
-            [Fault(**{"where": "logs", **{k: v for k, v in fault.items() if v}}) for fault in faults]
-        )
+        known = ({name: text for name, text in fault.items() if text} for fault in faults)
+        raise invalid_input([Fault(**{"where": "logs", **fault}) for fault in known])
     call.service.learning.require_idle(car)
     call.service.learning.start(Learning(upload), {"kind": "cars.learn", **job}, body)
     return await get_car(call, car)

@@ -94,10 +94,8 @@ class PlannedTripRequest(schemas.DepartureRequest):
             road: Any = self.distance_km if self.links is None else self.links.plan()
         departure = schemas.departure_of(self)
         soc = float("nan") if departure.soc is None else departure.soc
-        departure, named = replace(departure, soc=None), (self.car_model, self.driver)
-        return PlannedTrip(
-            self.trip, self.car, self.departs_at, road, self.kind, departure, soc, *named, where
-        )
+        known = replace(departure, soc=None), soc, self.car_model, self.driver, where
+        return PlannedTrip(self.trip, self.car, self.departs_at, road, self.kind, *known)
 
 
 class NightRequest(schemas.StrictModel):

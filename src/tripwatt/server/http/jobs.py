@@ -277,9 +277,8 @@ class Jobs:
     ) -> Forecast:
         """Return the forecast of a request, updated with the observed samples of an `UpdateRequest`."""
         plan, model = self._plan(request), self.model_of(request)
-        departure, flags = _with_last_message(
-            plan.departure.merge(departure_of(request)), last_message, model.vehicle
-        )
+        known = plan.departure.merge(departure_of(request))
+        departure, flags = _with_last_message(known, last_message, model.vehicle)
         forecast = model.forecast(replace(plan, trip_id=request.trip), departure)
         forecast = replace(forecast, flags=(*flags, *forecast.flags))
         return forecast.update(request.observed) if isinstance(request, UpdateRequest) else forecast

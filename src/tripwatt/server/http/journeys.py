@@ -64,9 +64,8 @@ class JourneyJobs:
         """Return the response to a `JourneyAdviceRequest`: what to do on the fastest road, with its stops to charge."""
         journey, now = self._journey(request, model), dt.datetime.now(dt.UTC)
         later = leaving_later(self._forecaster(request, model), journey.roads[0].road, now)
-        return advise(
-            journey, reserve=request.reserve, chance=request.chance, others=later, now=now
-        ).to_dict()
+        required = request.model_dump(include={"reserve", "chance"})
+        return advise(journey, **required, others=later, now=now).to_dict()
 
     def _forecaster(self, request: asked.JourneyCar, model: ForecastModel) -> RoadForecaster:
         return RoadForecaster(model, departure_of(request), self._atlas().weather)

@@ -22,10 +22,8 @@ EXAMPLE_CAR: Final = "bmw_i3_60ah"
 @cache
 def vehicles() -> tuple[dict[str, Any], ...]:
     """Return the cars of the library, without the models of the service."""
-    cars = map(load_vehicle, vehicle_names())
-    return tuple(
-        {"name": car.name, "has_climate": car.climate is not None, **_vehicle_values(car)} for car in cars
-    )
+    cars = [(car, car.climate is not None) for car in map(load_vehicle, vehicle_names())]
+    return tuple({"name": car.name, "has_climate": has, **_vehicle_values(car)} for car, has in cars)
 
 
 def describe_vehicle(car: Vehicle) -> dict[str, Any]:

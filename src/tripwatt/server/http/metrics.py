@@ -23,9 +23,8 @@ class Metrics:
         self.registry = CollectorRegistry()
         counter, gauge = partial(Counter, registry=self.registry), partial(Gauge, registry=self.registry)
         histogram = partial(Histogram, registry=self.registry, buckets=BUCKETS_S)
-        self.requests = counter(
-            "tripwatt_requests", "Requests with a response.", ("route", "method", "status")
-        )
+        labels = "route", "method", "status"
+        self.requests = counter("tripwatt_requests", "Requests with a response.", labels)
         self.duration = histogram(
             "tripwatt_request_seconds",
             "Time from the head of a request to the end of its response.",

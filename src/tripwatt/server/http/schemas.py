@@ -126,9 +126,8 @@ def parse_samples(value: Any, limits: Limits) -> pd.DataFrame:
 
 def parse_observed(value: Any, limits: Limits) -> pd.DataFrame:
     """Check the field `observed` of an update, and return it as a table; parameters and errors are those of `parse_samples`."""
-    return canonical_samples(
-        _columns(value, "observed", limits), "observed", required=("time_s",), minimum=MIN_OBSERVED
-    )
+    columns = _columns(value, "observed", limits)
+    return canonical_samples(columns, "observed", required=("time_s",), minimum=MIN_OBSERVED)
 
 
 def parse_links(links: Any, limits: Limits) -> LinkRoute:

@@ -125,9 +125,8 @@ def _bound_memory(more_bytes: int) -> None:
         pages = int(Path("/proc/self/statm").read_text().split()[5])
         hard_limit = resource.getrlimit(resource.RLIMIT_DATA)[1]
         with contextlib.suppress(ValueError):  # the system allows less
-            resource.setrlimit(
-                resource.RLIMIT_DATA, (pages * resource.getpagesize() + more_bytes, hard_limit)
-            )
+            most_bytes = pages * resource.getpagesize() + more_bytes
+            resource.setrlimit(resource.RLIMIT_DATA, (most_bytes, hard_limit))
 
 
 def chosen_fields(document: Any, fields: str | None) -> Any:

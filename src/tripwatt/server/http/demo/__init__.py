@@ -124,8 +124,7 @@ def send(samples: Drive, url: str, token: str) -> None:
             "current": values["current_a"],
         }
         body = orjson.dumps({"token": token, "tlm": message})
-        request = urllib.request.Request(
-            f"{url}/v1/telemetry", body, {"Content-Type": "application/json"}, method="POST"
-        )
+        headers, to = {"Content-Type": "application/json"}, f"{url}/v1/telemetry"
+        request = urllib.request.Request(to, body, headers, method="POST")
         with urllib.request.urlopen(request, timeout=EVERY_S):
             pass
