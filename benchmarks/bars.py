@@ -118,8 +118,9 @@ EVERY_CAR: Final = (
 TESTS: Final = {
     "gamm/tests": False,
     EVERY_CAR: True,
+    "tests/server/cars/test_actors.py": True,
 }
-"""Tests that are bars -> whether they take every car of the library, of which the gate takes a sample."""
+"""Tests that are bars -> whether they take every car of the library, or every run, of which the gate takes a sample."""
 
 
 def tests(selection: str, every_car: bool) -> Iterator[Row]:

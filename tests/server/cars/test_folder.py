@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import shutil
 from pathlib import Path
 
 import pytest
@@ -10,7 +11,7 @@ from tests.server.cars.messages import NOON_S, abrp_messages, measured
 from tests.support.drives import example_trip
 
 from tripwatt.errors import InvalidInput
-from tripwatt.server.cars import Car, create_car, forget_car, issue_token, sample_from_abrp
+from tripwatt.server.cars import Car, create_car, forget_car, is_car, issue_token, sample_from_abrp
 from tripwatt.server.cars.folder import digest_of, setting_of
 from tripwatt.server.cars.live_trip import SILENCE_S
 
@@ -109,6 +110,24 @@ def test_nothing_is_left_of_a_forgotten_car(tmp_path: Path, ended: bool) -> None
     assert not folder.exists()
     assert f"{LATITUDE}".encode() not in content(tmp_path)
     assert content(tmp_path) == b""
+
+
+def test_an_erasure_that_fails_says_what_is_left_and_is_repeated(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    create_car(folder, "nissan_leaf_24")
+    (folder / "uploads" / "upload01").mkdir(parents=True)
+
+    def refuse(*_: object) -> None:
+        raise PermissionError(13, "Permission denied")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(shutil, "rmtree", refuse)
+        with pytest.raises(InvalidInput, match=r"cannot erase the car: .*uploads: got Permission denied"):
+            forget_car(folder)
+    assert is_car(folder), "its name is erased last"
+    forget_car(folder)
+    assert not folder.exists()
 
 
 @pytest.mark.parametrize("name", ["a b", ".hidden", "-x", "ü", "x" * 65])

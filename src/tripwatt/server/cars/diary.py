@@ -227,8 +227,13 @@ class Diary:
         -------
         Diary
             Without entries, no rows and all columns except those by cause.
+
+        Raises
+        ------
+        KeyError, TypeError
+            When an entry is not that of a trip.
         """
-        rows = pd.DataFrame(list(entries))
+        rows = pd.DataFrame([{"trip_id": entry["trip_id"], **entry} for entry in entries])
         if rows.empty:
             kinds = {**dict.fromkeys(TEXTS, str), **dict.fromkeys(NUMBERS, np.float64)}
             rows = pd.DataFrame({name: pd.Series(dtype=kind) for name, kind in kinds.items()})
