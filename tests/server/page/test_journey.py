@@ -641,7 +641,7 @@ def test_one_reason_is_first_and_no_action_contradicts_the_plan(page: Any) -> No
         "Or",
     ]  # who has 16 % is not asked to leave with 40 %
     assert todo[-1] == "Or drive at most 90\u00a0km/h on the motorway, without a charging stop."
-    page.get_by_text("None of this gives a chance").wait_for()
+    page.get_by_text("Nothing here gives a chance").wait_for()
     page.locator(".advice", has_text="Take the route “Route 2”").wait_for()
     roads = page.get_by_role("group", name="Routes").get_by_role("radio")
     assert roads.count() == 2  # a road that is advised can be chosen
@@ -649,7 +649,7 @@ def test_one_reason_is_first_and_no_action_contradicts_the_plan(page: Any) -> No
     with page.expect_response("**/v1/journeys/advice"):
         slider.fill("17")
     page.get_by_role("heading", name="You will arrive, with 1 charging stop").wait_for()
-    page.get_by_text("None of this gives a chance").wait_for(state="detached")
+    page.get_by_text("Nothing here gives a chance").wait_for(state="detached")
     chances |= {"p_arrive": 0.3, "p_reserve": 0.1}
     whole_answer(page, lambda: slider.fill("16"))
     page.get_by_role("heading", name="Even with charging stops you will probably not arrive").wait_for()

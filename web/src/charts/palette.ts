@@ -1,13 +1,16 @@
-/** Colours by their names in the style sheet. */
+/** Colours by their names in the style sheet, as the theme resolves them. */
 
 export function coloursOf<Name extends string>(
   element: Element,
   names: readonly Name[],
 ): Record<Name, string> {
-  const style = getComputedStyle(element);
-  return Object.fromEntries(
-    names.map((name) => [name, style.getPropertyValue(`--${name}`).trim()]),
-  ) as Record<Name, string>;
+  const probe = element.appendChild(document.createElement("i"));
+  const resolved = names.map((name) => {
+    probe.style.color = `var(--${name})`;
+    return [name, getComputedStyle(probe).color];
+  });
+  probe.remove();
+  return Object.fromEntries(resolved) as Record<Name, string>;
 }
 
 const OF_CHARTS = [

@@ -2,7 +2,7 @@
 
 import { batch, computed, signal } from "@preact/signals";
 import { createCar, forgetCar, getCar, listCars, newCarToken, RequestFailed } from "../api/client";
-import type { Fault, OwnCar, OwnCarSummary, Vehicle } from "../api/documents";
+import type { Fault, OwnCar, OwnCarSummary } from "../api/documents";
 import { pause } from "../model/clock";
 import { car, chooseOwn, DESCRIBED, vehicle } from "./car";
 
@@ -74,9 +74,10 @@ export function keep(own: OwnCar): void {
   });
 }
 
-/** Add a car of the library; one that the driver described is that of the page. */
-export async function addCar(name: string, of: Vehicle | undefined): Promise<void> {
-  const kind = of?.name ?? car.value?.figures ?? DESCRIBED;
+/** Add a car of the kind that is chosen on the page. */
+export async function addCar(name: string): Promise<void> {
+  const { figures, vehicle: chosen = DESCRIBED } = car.value ?? {};
+  const kind = figures ?? vehicle.value?.name ?? chosen;
   const made = await asked(() => createCar({ name, car: kind }));
   if (made) keep(made);
 }

@@ -124,8 +124,7 @@ const de: Text = {
       `Auch ${soc} bei Abfahrt reichen: Ankunft mit etwa ${expected}, bei 19 von 20 Fahrten mindestens ${reserve}.`,
     leaveWithout: (soc) => `Oder mit ${soc} losfahren und ohne Ladestopp ankommen.`,
     notEnough: "Auch eine volle Batterie reicht nicht: Laden Sie unterwegs.",
-    anyCharge: (reserve) =>
-      `Jeder Ladestand reicht: bei 19 von 20 Fahrten Ankunft mit mindestens ${reserve}.`,
+    anyCharge: (reserve) => `Jeder Ladestand reicht: bei 19 von 20 Fahrten bleiben mindestens ${reserve}.`,
     chargeFirst: (soc) => `So nicht losfahren: Laden Sie zuerst auf ${soc} oder mehr.`,
     noStations: "Diese Karte hat keine Ladestationen.",
     noStopHelps: "Es wurde kein Ladestopp gefunden, mit dem Sie ankommen.",
@@ -133,11 +132,10 @@ const de: Text = {
     atMost: (speed) => `Auf der Autobahn höchstens ${speed} fahren, um mit der Reserve anzukommen.`,
     atMostWithout: (speed) => `Oder auf der Autobahn höchstens ${speed} und ohne Ladestopp fahren.`,
     unnamedStation: "Ladestation",
-    driveTo: (far) => `${far} bis `,
-    quoted: (name) => `„${name}“`,
+    driveTo: (far) => `${far} bis „`,
     navigate: "In einer Navigations-App öffnen",
     chargeThere: (time, arrival, leave, clock) =>
-      ` fahren und dort ${time} laden, von ${arrival} auf ${leave} (etwa ${clock}).`,
+      `“ fahren und dort ${time} laden, von ${arrival} auf ${leave} (etwa ${clock}).`,
     moreStops: each({ one: "# weiterer Ladestopp", other: "# weitere Ladestopps" }),
     chargingStops: "Ladestopps",
     chargingPlans: "Ladepläne",
@@ -158,7 +156,7 @@ const de: Text = {
     plugs: { type2_combo: "CCS", chademo: "CHAdeMO", type2: "Typ 2", type2_cable: "Typ 2" },
     neededBelow: (soc) => `nur nötig, wenn Sie dort weniger als ${soc} haben`,
     ifFull: (station, arrival, more, chance) =>
-      `Falls die Station besetzt ist: ${station}, erreicht mit ${arrival} (${chance}), ${more}.`,
+      `Falls besetzt: ${station}, erreicht mit ${arrival} (${chance}), ${more}.`,
     noneIfFull: "Falls die Station besetzt ist: Keine andere Ladestation ist sicher erreichbar.",
     sameTime: "gleich schnell",
     longer: (time) => `${time} länger`,
@@ -203,16 +201,14 @@ const de: Text = {
     zoomOut: "Verkleinern",
     reach: "Reichweite ab A zeigen",
     reachRunning: "Reichweite wird berechnet …",
-    reachKey:
-      "Innerhalb der Linie kommen Sie bei 19 von 20 Fahrten mit der Reserve an, innerhalb der gestrichelten Linie bei 10 von 20.",
+    reachKey: "Linie: Ankunft mit der Reserve bei 19 von 20 Fahrten; gestrichelte Linie: bei 10 von 20.",
     mapEnds: "Sie kommen über den Rand dieser Karte hinaus.",
     failed: "Dieser Browser kann die Karte nicht zeichnen. Alles andere funktioniert ohne sie.",
   },
   conditions: {
     title: "Bedingungen",
     reset: "Zurücksetzen",
-    compared: (setting) =>
-      `Sie gelten für die erste Prognose. In der zweiten ist nur eines anders: ${setting}.`,
+    compared: (setting) => `Für die erste Prognose. In der zweiten ist nur eines anders: ${setting}.`,
     limitMotorway: "Tempo auf der Autobahn begrenzen",
     more: "Wetter und Zubehör",
     fields: {
@@ -302,7 +298,7 @@ const de: Text = {
     speedIn: (unit) => `Geschwindigkeit, ${unit}`,
     elevationIn: (unit) => `Höhe, ${unit}`,
     chart: (from, to, band) =>
-      `Ladestand entlang der Strecke: ${from} bei Abfahrt, ${to} bei Ankunft, ${band} bei 9 von 10 Fahrten`,
+      `Ladestand: ${from} bei Abfahrt, ${to} bei Ankunft, ${band} bei 9 von 10 Fahrten`,
     roadChart: "Geschwindigkeit und Höhe entlang der Strecke; die Werte stehen in der Tabelle",
     givenPlanned: "Geplante Route; wie schnell dort gefahren wird, ist aus vielen Fahrten bekannt.",
     givenDriven: "Grundlage ist ein gefahrener Geschwindigkeitsverlauf: Die Geschwindigkeiten sind bekannt.",
@@ -389,18 +385,17 @@ const de: Text = {
   },
   advice: {
     title: "Was hilft",
-    least: (chance: string) => `Eines davon genügt, um mit ${chance} Wahrscheinlichkeit anzukommen:`,
-    leastWithoutStops: (chance: string) =>
-      `Eines davon genügt für ${chance} Wahrscheinlichkeit, ohne Ladestopp:`,
-    notEnough: (chance: string) =>
-      `Nichts davon reicht für eine Wahrscheinlichkeit von ${chance}: Laden Sie vorher oder unterwegs.`,
+    least: (chance) => `Eines davon genügt, um mit ${chance} Wahrscheinlichkeit anzukommen:`,
+    leastWithoutStops: (chance) => `Eines davon genügt für ${chance} Wahrscheinlichkeit, ohne Ladestopp:`,
+    notEnough: (chance) =>
+      `Nichts davon reicht für ${chance} Wahrscheinlichkeit: vorher oder unterwegs laden.`,
     note: "Die Ersparnis ist genauer bekannt als der Gesamtverbrauch.",
     and: " und ",
-    energy: (energy: string) => `spart ${energy}`,
-    range: (energy: string) => `lässt ${energy} mehr in der Batterie, braucht aber insgesamt mehr Energie`,
-    arrives: (soc: string, chance: string) => `Ankunft mit ${soc}, mit der Reserve bei ${chance}`,
+    energy: (energy) => `spart ${energy}`,
+    range: (energy) => `lässt ${energy} mehr in der Batterie, braucht aber insgesamt mehr Energie`,
+    arrives: (soc, chance) => `Ankunft mit ${soc}, mit der Reserve bei ${chance}`,
     noTime: "kostet keine Zeit",
-    wall: (energy: string) => `braucht ${energy} aus der Steckdose`,
+    wall: (energy) => `braucht ${energy} aus der Steckdose`,
     whole: (time, stops, change) =>
       `die Fahrt dauert dann ${time} mit ${count(stops, { one: "# Ladestopp", other: "# Ladestopps" })}, ${change}`,
     asLong: "etwa so lang wie jetzt",
@@ -415,22 +410,21 @@ const de: Text = {
     quicker: "Insgesamt schneller, wenn Sie laden mit",
     below: (power) => `weniger als ${power}`,
     actions: {
-      slower: (speed: string) => `Höchstens ${speed} fahren`,
+      slower: (speed) => `Höchstens ${speed} fahren`,
       calmer: "Sanft beschleunigen und bremsen",
-      setpoint: (degrees: string) => `Innenraum auf ${degrees} stellen`,
+      setpoint: (degrees) => `Innenraum auf ${degrees} stellen`,
       seats: "Die Sitze statt des Innenraums heizen",
       climate_off: "Klimatisierung ausschalten",
-      preheat_cabin: (degrees: string, start: string) =>
-        `Den Innenraum am Kabel auf ${degrees} bringen, ${start}`,
-      before: (time: string) => `${time} vor der Abfahrt`,
-      start: (clock: string) => `Beginn um ${clock}`,
+      preheat_cabin: (degrees, start) => `Den Innenraum am Kabel auf ${degrees} bringen, ${start}`,
+      before: (time) => `${time} vor der Abfahrt`,
+      start: (clock) => `Beginn um ${clock}`,
       no_roof_box: "Die Dachbox abnehmen",
       summer_tyres: "Sommerreifen aufziehen",
-      pump_up: (pressure: string) => `Die Reifen von ${pressure} des empfohlenen Drucks auf 100 % aufpumpen`,
-      other_road: (road: string) => `Die Route „${road}“ nehmen`,
-      leave_later: (time: string) => `${time} später abfahren`,
-      leave_earlier: (time: string) => `${time} früher abfahren`,
-      less_luggage: (mass: string) => `${mass} zu Hause lassen`,
+      pump_up: (pressure) => `Die Reifen von ${pressure} des empfohlenen Drucks auf 100 % aufpumpen`,
+      other_road: (road) => `Die Route „${road}“ nehmen`,
+      leave_later: (time) => `${time} später abfahren`,
+      leave_earlier: (time) => `${time} früher abfahren`,
+      less_luggage: (mass) => `${mass} zu Hause lassen`,
     },
   },
   share: {
@@ -507,8 +501,7 @@ const de: Text = {
   },
   arrival: {
     dots: (dots) => `Jeder Punkt ist einer von ${dots} gleich wahrscheinlichen Ausgängen.`,
-    kept: (kept, dots, reserve) =>
-      `Bei ${kept} von ${dots} gleich wahrscheinlichen Ausgängen bleibt die Reserve von ${reserve}`,
+    kept: (kept, dots, reserve) => `Bei ${kept} von ${dots} Ausgängen bleibt die Reserve von ${reserve}`,
     exact: (chance) => `; genauer: ${chance}`,
   },
   drive: {
@@ -674,8 +667,7 @@ const de: Text = {
     positive: "Positiver Strom oder positive Leistung",
     discharge: "treibt das Auto an",
     charge: "lädt die Batterie",
-    bySoc: (kwh) =>
-      `Die Datei enthält keinen Strom: Die Energie wird aus dem Ladestand und einer nutzbaren Kapazität von ${kwh} kWh berechnet.`,
+    bySoc: (kwh) => `Ohne Strom: Die Energie kommt aus dem Ladestand und ${kwh} kWh nutzbarer Batterie.`,
     unused: each({ one: "# Spalte wird ignoriert", other: "# Spalten werden ignoriert" }),
     learnable: "Was gelernt wird",
     nothingToLearn: "Noch nichts: Diese Dateien enthalten keine Fahrt.",
@@ -708,8 +700,7 @@ const de: Text = {
     differs: "Gegenüber dem Katalogfahrzeug",
     seenAt: "Gemessen bei",
     notSeen: "auf Ihren Fahrten nicht gemessen",
-    seen: (temperatures) =>
-      `Gemessen bei ${temperatures}. Für kältere oder wärmere Fahrten gilt die Prognose wie für andere Autos.`,
+    seen: (temperatures) => `Gemessen bei ${temperatures}. Sonst gilt die Prognose wie für andere Autos.`,
     otherFactors: each({
       one: "# weiterer Faktor, noch nicht messbar",
       other: "# weitere Faktoren, noch nicht messbar",
@@ -742,8 +733,7 @@ const de: Text = {
     },
     byTrips: "eigene Fahrten",
     errorOfLast: each({ one: "Fehler der letzten Fahrt", other: "Fehler der letzten # Fahrten" }),
-    errorBefore: (error, falls) =>
-      `${error} bei ebenso vielen davor: Der Fehler sinkt${falls ? "" : " nicht"}.`,
+    errorBefore: (error, falls) => `${error} bei ebenso vielen davor: Er sinkt${falls ? "" : " nicht"}.`,
     whyWide: "Warum der Bereich breit ist und was hilft",
     withoutHeights: (trips, of) =>
       `${trips} von ${count(of, { one: "# Fahrt", other: "# Fahrten" })} ohne Höhen: Schalten Sie in der App, die aufzeichnet, die Höhe ein.`,
@@ -782,8 +772,7 @@ const de: Text = {
     moreThanForecast: "Mehr als prognostiziert",
     lessThanForecast: "Weniger als prognostiziert",
     connect: "Das Auto während der Fahrt Tempo und Ladestand senden lassen",
-    connectNote:
-      "Apps, die Live-Daten für A Better Routeplanner senden, können sie mit diesem Token an /v1/telemetry dieses Dienstes senden.",
+    connectNote: "Apps für A Better Routeplanner können Live-Daten mit diesem Token an /v1/telemetry senden.",
     makeToken: "Token erzeugen",
     replaceToken: "Token ersetzen",
     tokenOnce: "Bitte jetzt kopieren: Es wird nicht noch einmal gezeigt.",

@@ -127,11 +127,10 @@ export const en = {
     atMost: (speed: string) => `Drive no faster than ${speed} on motorways to arrive with the reserve.`,
     atMostWithout: (speed: string) => `Or drive at most ${speed} on the motorway, without a charging stop.`,
     unnamedStation: "Charging station",
-    driveTo: (far: string) => `Drive ${far} to `,
-    quoted: (name: string) => `“${name}”`,
+    driveTo: (far: string) => `Drive ${far} to “`,
     navigate: "Open in a navigation app",
     chargeThere: (time: string, arrival: string, leave: string, clock: string) =>
-      ` and charge for ${time}, from ${arrival} to ${leave} (about ${clock}).`,
+      `” and charge for ${time}, from ${arrival} to ${leave} (about ${clock}).`,
     moreStops: each({ one: "# more stop", other: "# more stops" }),
     chargingStops: "Charging stops",
     chargingPlans: "Charging plans",
@@ -204,8 +203,7 @@ export const en = {
   conditions: {
     title: "Conditions",
     reset: "Reset",
-    compared: (setting: string) =>
-      `These are of the first forecast. In the second, only ${setting} is different.`,
+    compared: (setting: string) => `For the first forecast. In the second, only ${setting} is different.`,
     limitMotorway: "Limit motorway speed",
     more: "Weather and extras",
     fields: {
@@ -385,7 +383,7 @@ export const en = {
     title: "What helps",
     least: (chance: string) => `One of these is enough to arrive with a chance of ${chance}:`,
     leastWithoutStops: (chance: string) =>
-      `One of these is enough to arrive without a charging stop, with a chance of ${chance}:`,
+      `One of these gives a chance of ${chance} without a charging stop:`,
     notEnough: (chance: string) => `Nothing here gives a chance of ${chance}: charge before, or on the way.`,
     note: "Savings are more certain than the total.",
     and: ", and ",
@@ -413,8 +411,7 @@ export const en = {
       setpoint: (degrees: string) => `Set the cabin to ${degrees}`,
       seats: "Heat the seats instead of the cabin",
       climate_off: "Switch off climate control",
-      preheat_cabin: (degrees: string, start: string) =>
-        `Bring the cabin to ${degrees} on the plug, ${start}`,
+      preheat_cabin: (warm: string, start: string) => `Bring the cabin to ${warm} on the plug, ${start}`,
       before: (time: string) => `${time} before you leave`,
       start: (clock: string) => `start at ${clock}`,
       no_roof_box: "Take off the roof box",
@@ -495,8 +492,7 @@ export const en = {
       correction: "Correction",
     },
     changes: { correction: "Learned from measured trips" },
-    note: (unit: string, loss: string) =>
-      `In ${unit} at the battery terminals. Another ${loss} is lost as heat inside the battery.`,
+    note: (unit: string, loss: string) => `In ${unit} at the terminals. Another ${loss} heats the battery.`,
     learnedOwn: "The correction is the difference between the measured trips of this car and the physics.",
     learnedOf: (car: string) => `The correction is what measured trips of a ${car} add to the physics.`,
   },
@@ -576,8 +572,7 @@ export const en = {
     whole: "Whole trip",
     course: "Charge along the road, as planned and now. The figures beside it say the same.",
     onPlan: "As planned",
-    offPlan: (points: string, isMore: boolean) =>
-      `${points} % ${isMore ? "more" : "less"} charge than planned (dotted)`,
+    offPlan: (n: string, more: boolean) => `${n} % ${more ? "more" : "less"} charge than planned (dotted)`,
     asPlanned: "Drive on as planned.",
     slower: (speed: string, chance: string) => `At most ${speed} keeps the reserve: ${chance}.`,
     charge: "Charge on the way: no speed is sure to keep the reserve.",
@@ -674,7 +669,7 @@ export const en = {
     discharge: "drives the car",
     charge: "charges the battery",
     bySoc: (kwh: string) =>
-      `The file has no current: the energy comes from the state of charge and a usable battery of ${kwh} kWh.`,
+      `No current: the energy comes from the charge and a usable battery of ${kwh} kWh.`,
     unused: each({ one: "# column is ignored", other: "# columns are ignored" }),
     learnable: "What will be learned",
     nothingToLearn: "Nothing yet: these files contain no trip.",
@@ -742,7 +737,7 @@ export const en = {
     byTrips: "own trips",
     errorOfLast: each({ one: "Error of the last trip", other: "Error of the last # trips" }),
     errorBefore: (error: string, falls: boolean) =>
-      `${error} in as many trips before: the error ${falls ? "falls" : "does not fall"}.`,
+      `${error} before: the error ${falls ? "falls" : "does not fall"}.`,
     whyWide: "Why the range is wide, and what helps",
     withoutHeights: (trips: number, of: number) =>
       `${trips} of ${count(of, { one: "# trip", other: "# trips" })} without heights: switch on the altitude in the app that logs.`,
@@ -781,8 +776,7 @@ export const en = {
     moreThanForecast: "More than forecast",
     lessThanForecast: "Less than forecast",
     connect: "Let the car send speed and charge while it drives",
-    connectNote:
-      "Apps that send live data for A Better Routeplanner can send them to /v1/telemetry of this service, with this token.",
+    connectNote: "Apps for A Better Routeplanner can send live data to /v1/telemetry here, with this token.",
     makeToken: "Create a token",
     replaceToken: "Replace the token",
     tokenOnce: "Copy it now: it cannot be shown again.",

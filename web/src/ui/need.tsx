@@ -113,7 +113,7 @@ export function NeedAnswer() {
         <h3>{words.howFar(shown(soc, PERCENT), shown(reserve, PERCENT))}</h3>
         <p>
           <b class="number">{shown(far.range_m, units.value.distance, 0)}</b>{" "}
-          <span class="range">{words.atLeast(shown(far.interval_m[0], units.value.distance, 0))}</span>
+          <span class="figures">{words.atLeast(shown(far.interval_m[0], units.value.distance, 0))}</span>
         </p>
         <Kinds rows={far.by_kind} />
       </div>

@@ -4,7 +4,7 @@ import { useState } from "preact/hooks";
 import type { OwnCar } from "../api/documents";
 import { storedToken } from "../api/client";
 import { senderAddress, viewAddress } from "../model/to-phone";
-import { car, vehicle, vehicles } from "../state/car";
+import { car } from "../state/car";
 import {
   addCar,
   damagedCars,
@@ -21,6 +21,7 @@ import {
 import { logs } from "../state/own-logs";
 import { openRoad } from "../state/live-drive";
 import { text } from "../state/preferences";
+import { CarField } from "./car-field";
 import { FaultList } from "./faults";
 import { OwnCarDiary } from "./own-car-diary";
 import { OwnCarLogs } from "./own-car-logs";
@@ -51,39 +52,18 @@ function List() {
   );
 }
 
-const LIBRARY = "library";
-
 function NewCar() {
-  const { header, ownCars: words } = text.value;
-  const title = vehicle.value?.title ?? car.value?.title ?? "";
-  const [typed, setTyped] = useState(title);
-  const of = vehicles.value.find((row) => row.title === typed);
+  const { ownCars: words } = text.value;
   return (
     <form
       onSubmit={submitting((form) => {
         const name = new FormData(form).get("name");
-        if (of || typed === title) void addCar(String(name ?? "").trim(), of);
+        void addCar(String(name ?? "").trim());
       })}
     >
       <h3>{words.newCar}</h3>
+      <CarField />
       <p class="note">{words.newCarNote}</p>
-      <label class="field">
-        <span>{header.car}</span>
-        <input
-          type="text"
-          list={LIBRARY}
-          value={typed}
-          aria-invalid={!of && typed !== title}
-          onFocus={(event) => event.currentTarget.select()}
-          onInput={(event) => setTyped(event.currentTarget.value)}
-        />
-        <datalist id={LIBRARY}>
-          {vehicles.value.map((row) => (
-            <option key={row.name} value={row.title} />
-          ))}
-        </datalist>
-        {!of && typed !== title && <span class="faults">{text.value.journey.choose}</span>}
-      </label>
       <label class="field">
         <span>{words.name}</span>
         <input name="name" type="text" required maxLength={100} autocomplete="off" />

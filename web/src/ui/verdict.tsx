@@ -210,7 +210,7 @@ function StopText({ of, fromM }: { of: Stop; fromM: number }) {
     <>
       {words.driveTo(far)}
       <a href={`geo:${latitude_deg},${longitude_deg}`} title={words.navigate}>
-        {words.quoted(name || words.unnamedStation)}
+        {name || words.unnamedStation}
       </a>
       {words.chargeThere(span(of.charging_s), arrival, leave, at)}
     </>
@@ -253,7 +253,7 @@ function ToDo({ of }: { of: Forecast }) {
   const isLow = departsAt === null && soc < Math.max(reserve, LOW_SOC);
   const leaves = needed !== undefined && (!plan || (needed <= 1 && !isLow));
   const texts = [
-    leaves && leaveText(needed, of),
+    leaves && !(isStuck.value && needed > 1) && leaveText(needed, of),
     isStuck.value && (map.value?.stations === 0 ? words.noStations : words.noStopHelps),
     isStuck.value && isLow && words.callHelp,
     needed !== undefined &&
