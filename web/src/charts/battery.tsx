@@ -6,7 +6,7 @@ import type { ChargingPlan, Course, Forecast } from "../api/documents";
 import { emptyAfterM, innerShare } from "../model/arrival";
 import { interpolate } from "../model/interpolate";
 import { PERCENT } from "../model/units";
-import { answer, chargingPlan } from "../state/answer";
+import { answer, chargingPlan, turn } from "../state/answer";
 import { conditions } from "../state/conditions";
 import { shownForecast, distanceM, driving, update } from "../state/drive";
 import { alternative, departure } from "../state/forecast";
@@ -156,6 +156,8 @@ function marks(now: Forecast, carM: number | null, heightPx: number): Mark[] {
       y: reserve,
     });
   }
+  const { name = "", positionM: turnM = 0 } = turn.value ?? {};
+  if (turn.value) marks.push({ kind: "aside", text: name, x: units.value.distance.from(turnM) });
   if (low < 0) marks.push({ kind: "empty", text: result.empty, y: 0, at: "below" });
   if (chargingPlan.value) return [...marks, ...stopMarks(chargingPlan.value)];
   const own = endMark("arrival", now);

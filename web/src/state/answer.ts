@@ -4,10 +4,11 @@ import { computed, effect, signal } from "@preact/signals";
 import type { ChargingPlan, Course } from "../api/documents";
 import { type Answer, answerOf, answerWithStops, decisiveChance } from "../model/answer";
 import { verdictOf } from "../model/arrival";
+import { interpolate } from "../model/interpolate";
 import { conditions } from "./conditions";
 import { driving, shownForecast } from "./drive";
 import { forecastIsOld, mode, problem, requested } from "./forecast";
-import { answersAreOld, chargingPlans, chosenCharging, isOfForm, map } from "./journey";
+import { answersAreOld, chargingPlans, chosenCharging, chosenRoad, isOfForm, journey, map } from "./journey";
 import { needIsOld } from "./need";
 import { trip } from "./trip";
 
@@ -70,6 +71,16 @@ export const course = computed((): Course | null => {
       high: now.series.displayed_soc_high,
     }
   );
+});
+
+/** Where a journey there and back turns, and the charge there. */
+export const turn = computed(() => {
+  const { stops, isRound } = trip.value ?? {};
+  const at = isRound ? journey.value?.roads[chosenRoad.value]?.stops.at(-1) : undefined;
+  if (!at || !course.value) return null;
+  const { position_m, displayed_soc } = course.value;
+  const soc = interpolate(at.position_m, position_m, displayed_soc);
+  return { name: stops?.at(-1)?.name ?? "", positionM: at.position_m, soc };
 });
 
 /** Clock times of departure and arrival; without a chosen time, of a departure now. */

@@ -136,6 +136,8 @@ const de: Text = {
     navigate: "In einer Navigations-App öffnen",
     chargeThere: (time, arrival, leave, clock) =>
       `“ fahren und dort ${time} laden, von ${arrival} auf ${leave} (etwa ${clock}).`,
+    turn: (place, soc) =>
+      `In ${place} etwa ${soc}, dann gleich zurück: Nach Stunden in der Kälte braucht der Rückweg mehr.`,
     moreStops: each({ one: "# weiterer Ladestopp", other: "# weitere Ladestopps" }),
     chargingStops: "Ladestopps",
     chargingPlans: "Ladepläne",
@@ -349,7 +351,7 @@ const de: Text = {
     arrivesAt: "Ankunft",
     leavingNow: "bei Abfahrt jetzt",
     duration: "Gesamtzeit",
-    ofItCharging: (time, overhead) => `davon ${time} laden und ${overhead} anstecken`,
+    ofItCharging: (time, overhead) => `${time} laden, ${overhead} anstecken`,
     sure: "Wie sicher ist das?",
     reasons: each({ one: "# Hinweis", other: "# Hinweise" }),
   },
@@ -390,6 +392,7 @@ const de: Text = {
     notEnough: (chance) =>
       `Nichts davon reicht für ${chance} Wahrscheinlichkeit: vorher oder unterwegs laden.`,
     note: "Die Ersparnis ist genauer bekannt als der Gesamtverbrauch.",
+    compared: "Verglichen mit der schnellsten Route und dem schnellsten Plan.",
     and: " und ",
     energy: (energy) => `spart ${energy}`,
     range: (energy) => `lässt ${energy} mehr in der Batterie, braucht aber insgesamt mehr Energie`,

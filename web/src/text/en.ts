@@ -131,6 +131,8 @@ export const en = {
     navigate: "Open in a navigation app",
     chargeThere: (time: string, arrival: string, leave: string, clock: string) =>
       `” and charge for ${time}, from ${arrival} to ${leave} (about ${clock}).`,
+    turn: (place: string, soc: string) =>
+      `At ${place} about ${soc}, then straight back: after hours in the cold the way back needs more.`,
     moreStops: each({ one: "# more stop", other: "# more stops" }),
     chargingStops: "Charging stops",
     chargingPlans: "Charging plans",
@@ -345,7 +347,7 @@ export const en = {
     arrivesAt: "Arrival",
     leavingNow: "leaving now",
     duration: "Total time",
-    ofItCharging: (time: string, more: string) => `including ${time} charging and ${more} plugging in`,
+    ofItCharging: (time: string, more: string) => `${time} charging, ${more} plugging in`,
     sure: "How sure is this?",
     reasons: each({ one: "# note", other: "# notes" }),
   },
@@ -386,6 +388,7 @@ export const en = {
       `One of these gives a chance of ${chance} without a charging stop:`,
     notEnough: (chance: string) => `Nothing here gives a chance of ${chance}: charge before, or on the way.`,
     note: "Savings are more certain than the total.",
+    compared: "Compared with the fastest route and plan.",
     and: ", and ",
     energy: (energy: string) => `saves ${energy}`,
     range: (energy: string) => `gives ${energy} more range, but costs more energy in all`,
@@ -493,7 +496,7 @@ export const en = {
     },
     changes: { correction: "Learned from measured trips" },
     note: (unit: string, loss: string) => `In ${unit} at the terminals. Another ${loss} heats the battery.`,
-    learnedOwn: "The correction is the difference between the measured trips of this car and the physics.",
+    learnedOwn: "The correction is what the measured trips of this car add to the physics.",
     learnedOf: (car: string) => `The correction is what measured trips of a ${car} add to the physics.`,
   },
   arrival: {

@@ -5,7 +5,7 @@ import { ENERGY, PERCENT, POWER } from "../model/units";
 import { advice, adviceIsOld } from "../state/advice";
 import { source } from "../state/catalogue";
 import { conditions } from "../state/conditions";
-import { journey } from "../state/journey";
+import { chosenCharging, chosenRoad, journey } from "../state/journey";
 import { format, text, units } from "../state/preferences";
 import { Waterfall } from "./causes";
 import { DataTable } from "./data-table";
@@ -146,7 +146,9 @@ export function AdviceCard() {
           </ul>
         </>
       )}
-      <p class="note">{words.note}</p>
+      <p class="note">
+        {words.note} {chosenRoad.value + chosenCharging.value > 0 && words.compared}
+      </p>
       <ul class="savings">
         {found.singly.map((one) => (
           <Saving key={togetherText(one)} of={one} now={found.whole} />

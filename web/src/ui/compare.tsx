@@ -57,10 +57,7 @@ export function CompareControls() {
           const { quantity } = settingOf(name);
           const usual = sidesOf(name);
           const sides = name === setting ? [conditions.value[name] ?? usual[0], value] : usual;
-          const [first, second] = sides.map((si) => format.value.figure(quantity.from(si), 0)) as [
-            string,
-            string,
-          ];
+          const [first = "", second = ""] = sides.map((si) => format.value.figure(quantity.from(si), 0));
           return (
             <button key={name} type="button" aria-pressed={name === setting} onClick={() => compareBy(name)}>
               {settings[name].label}{" "}

@@ -8,7 +8,15 @@ import { warningsOf } from "../model/flags";
 import { ENERGY, PERCENT } from "../model/units";
 import { source } from "../state/catalogue";
 import { conditions } from "../state/conditions";
-import { answer, chargingPlan, clock, isLate, isLookingForStops, isOfOtherPlaces } from "../state/answer";
+import {
+  answer,
+  chargingPlan,
+  clock,
+  isLate,
+  isLookingForStops,
+  isOfOtherPlaces,
+  turn,
+} from "../state/answer";
 import { arrived, driving, shownForecast } from "../state/drive";
 import { alternative, leaving, leavingIsOld, mode, problem, requested } from "../state/forecast";
 import { answersAreOld, chargingPlans, chosenRoad, journey, map } from "../state/journey";
@@ -141,14 +149,13 @@ function reasonText(): string | null {
   return (isFirst && reason && reasons[reason]) || null;
 }
 
-function Headline({ of, now, isOld }: { of: Forecast; now: Answer; isOld: boolean }) {
+function Headline({ of, now }: { of: Forecast; now: Answer }) {
   const emptyM = chargingPlan.value ? null : emptyAfterM(of);
   const measured = driving.value && arrived.value;
-  const { result, verdict } = text.value;
+  const { result } = text.value;
   const { figure } = format.value;
   const { reserve } = requested.value.at;
   const detail = measured ? result.measured : result.inTrips(rangeWithUnit(now.interval, PERCENT));
-  const reason = isOld ? verdict.otherPlaces(trip.value?.title ?? "") : reasonText();
   return (
     <div class="headline">
       <p class="arrival">
@@ -160,7 +167,7 @@ function Headline({ of, now, isOld }: { of: Forecast; now: Answer; isOld: boolea
         <span class="range">{emptyM === null ? detail : <Empty of={of} afterM={emptyM} />}</span>
       </p>
       <Whole now={now} isEmpty={emptyM !== null} />
-      {!measured && reason && <p class="reason">{reason}</p>}
+      {!measured && reasonText() && <p class="reason">{reasonText()}</p>}
       {!measured && (
         <Chance
           verdict={shownVerdict(now)}
@@ -200,11 +207,8 @@ function StopText({ of, fromM }: { of: Stop; fromM: number }) {
   const { name, latitude_deg, longitude_deg } = of.station;
   const farM = of.position_m - fromM;
   const far = shown(farM, units.value.distance, farM < NEAR_M ? 1 : 0);
-  const [arrival, leave] = [of.soc_arrival, of.soc_leave].map((soc) => shown(soc, PERCENT)) as [
-    string,
-    string,
-  ];
-  const { leaves } = clock.value ?? { leaves: new Date() };
+  const [arrival = "", leave = ""] = [of.soc_arrival, of.soc_leave].map((soc) => shown(soc, PERCENT));
+  const leaves = clock.value?.leaves ?? new Date();
   const at = clockText(new Date(leaves.getTime() + of.arrives_after_s * 1000), leaves);
   return (
     <>
@@ -247,12 +251,14 @@ function ToDo({ of }: { of: Forecast }) {
   const needed = isJourney ? (chosenRoad.value === 0 ? ofFirst : undefined) : leaving.value?.soc_needed;
   const plan = chargingPlan.value;
   if ((needed === undefined && !plan) || driving.value || mode.value !== "plan") return null;
-  const isOld = isJourney ? answersAreOld.value || isOfOtherPlaces.value : leavingIsOld.value;
+  const isOld = isJourney ? answersAreOld.value : leavingIsOld.value;
   const { journey: words } = text.value;
   const { reserve, soc, departsAt } = conditions.value;
   const isLow = departsAt === null && soc < Math.max(reserve, LOW_SOC);
   const leaves = needed !== undefined && (!plan || (needed <= 1 && !isLow));
+  const back = turn.value;
   const texts = [
+    back && words.turn(back.name, format.value.shown(back.soc, PERCENT)),
     leaves && !(isStuck.value && needed > 1) && leaveText(needed, of),
     isStuck.value && (map.value?.stations === 0 ? words.noStations : words.noStopHelps),
     isStuck.value && isLow && words.callHelp,
@@ -323,8 +329,9 @@ export function VerdictCard() {
       <Failure />
       {isDistance && <NeedAnswer />}
       {shown && isCompared && alternative.value && <CompareLine first={of} second={alternative.value} />}
-      {shown && !isCompared && !isLookingForStops.value && <Headline of={of} now={now} isOld={isOther} />}
-      {shown && !isLookingForStops.value && <ToDo of={of} />}
+      {shown && !isCompared && !isLookingForStops.value && <Headline of={of} now={now} />}
+      {isOther && <p class="other">{words.otherPlaces(trip.value?.title ?? "")}</p>}
+      {shown && !isOther && !isLookingForStops.value && <ToDo of={of} />}
       {shown && !isLookingForStops.value && <HowSure of={of} now={now} />}
       {shown && isLookingForStops.value && <Whole now={now} isEmpty />}
       {!shown && !isDistance && !problem.value && <Waiting />}
