@@ -380,6 +380,7 @@ def test_verdict_list_and_chart_speak_of_the_journey_with_its_charging_stop(page
         if route.request.post_data_json.get("answers") is not False:
             answer["charging"] = charging(answer, "fastest", 0.45, 12.0)
             answer["charging_alternatives"] = [charging(answer, "safest", 0.62, 20.0)]
+            answer["roads"][1]["charging"] = charging(answer, "fastest", 0.55, 15.0)
         route.fulfill(json=answer)
 
     page.route("**/v1/journeys", with_stops)
@@ -418,6 +419,9 @@ def test_verdict_list_and_chart_speak_of_the_journey_with_its_charging_stop(page
     page.keyboard.press("ArrowRight")
     page.wait_for_function("() => document.querySelector('.verdict .number').innerText.startsWith('59')")
     assert page.locator(".mark-arrival").inner_text() == "59\u00a0%"
+    page.get_by_role("group", name="Routes").get_by_role("radio").nth(1).check()  # another road has stops of its own
+    page.wait_for_function("() => document.querySelector('.verdict .number').innerText.startsWith('52')")
+    page.get_by_role("heading", name="You will arrive, with 1 charging stop").wait_for()
     page.unroute("**/v1/journeys")
 
 

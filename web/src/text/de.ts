@@ -449,7 +449,7 @@ const de: Text = {
     },
     withReserve: (reserve) => `: Ankunft mit ${reserve} oder mehr`,
     withCharge: ": Ankunft, bevor die Batterie leer ist",
-    atAll: (figures) => `Überhaupt ankommen: ${figures}`,
+    atAll: (figures) => `Ankommen: ${figures}`,
     announced: (word) => `${word}: Ankunft mit der Reserve.`,
     figures: {
       above: (hundredths) => `mehr als ${hundredths} von 100 Fahrten`,

@@ -30,8 +30,6 @@ const START_M_S = 50 / 3.6;
 const SLOWEST_M_S = 5 / 3.6;
 const FASTEST_M_S = 130 / 3.6;
 const SOURCES: Source[] = ["distance", "examples", "upload", "links"];
-/** Of these, choosing the kind alone shows a trip. */
-const SHOWN_FIRST: Source[] = ["distance", "examples"];
 const WITH_MAP: Source[] = ["journey", ...SOURCES];
 
 function Examples() {
@@ -141,8 +139,8 @@ export function TripPanel() {
   const open = opened || starts;
   const before = useRef<Source | undefined>(undefined);
   useEffect(() => {
-    // open while one looks for a trip: a new kind of trip brings up its first or its last one by itself
-    const isFirst = !before.current && now && !SHOWN_FIRST.includes(now.source);
+    // a distance is there before it is typed, and a kind that is chosen again brings up its last trip
+    const isFirst = !before.current && now && now.source !== "distance";
     if (isFirst || (now && now.source === before.current)) setOpen(false);
     before.current = now?.source;
   }, [now?.source, now?.title]);

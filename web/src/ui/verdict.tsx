@@ -250,7 +250,8 @@ function ToDo({ of }: { of: Forecast }) {
   // what the service says of the charge is about the first road
   const needed = isJourney ? (chosenRoad.value === 0 ? ofFirst : undefined) : leaving.value?.soc_needed;
   const plan = chargingPlan.value;
-  if ((needed === undefined && !plan) || driving.value || mode.value !== "plan") return null;
+  if ((needed === undefined && !plan && !isStuck.value) || driving.value || mode.value !== "plan")
+    return null;
   const isOld = isJourney ? answersAreOld.value : leavingIsOld.value;
   const { journey: words } = text.value;
   const { reserve, soc, departsAt } = conditions.value;
@@ -327,10 +328,10 @@ export function VerdictCard() {
         {trip.value && <ShareTools />}
       </div>
       <Failure />
+      {isOther && <p class="other">{words.otherPlaces(trip.value?.title ?? "")}</p>}
       {isDistance && <NeedAnswer />}
       {shown && isCompared && alternative.value && <CompareLine first={of} second={alternative.value} />}
       {shown && !isCompared && !isLookingForStops.value && <Headline of={of} now={now} />}
-      {isOther && <p class="other">{words.otherPlaces(trip.value?.title ?? "")}</p>}
       {shown && !isOther && !isLookingForStops.value && <ToDo of={of} />}
       {shown && !isLookingForStops.value && <HowSure of={of} now={now} />}
       {shown && isLookingForStops.value && <Whole now={now} isEmpty />}
