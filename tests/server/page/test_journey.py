@@ -248,7 +248,7 @@ def test_the_area_of_reach_is_fitted_into_view_and_follows_the_charge(page: Any)
     asked = found.value.request.post_data_json
     assert asked["start"]["name"] == "Westend"
     assert [area["probability"] for area in found.value.json()["areas"]] == [0.95, 0.5]
-    page.get_by_text("inside the dashed line in 10 of 20").wait_for()
+    page.get_by_text("dashed line: in 10 of 20").wait_for()
     rings = [ring for area in found.value.json()["areas"] for ring in area["polygon"]["coordinates"]]
     (west, south), (east, north) = (limit(np.concatenate(rings), axis=0) for limit in (np.min, np.max))
     page.wait_for_timeout(SETTLE_MS)
@@ -261,7 +261,7 @@ def test_the_area_of_reach_is_fitted_into_view_and_follows_the_charge(page: Any)
         page.get_by_role("slider", name="Battery at departure", exact=True).press("Home")
     assert again.value.request.post_data_json["soc"] == pytest.approx(0.0)
     box.uncheck()
-    page.get_by_text("inside the dashed line in 10 of 20").wait_for(state="detached")
+    page.get_by_text("dashed line: in 10 of 20").wait_for(state="detached")
     page.unroute("**/v1/reachable")
 
 
@@ -419,7 +419,9 @@ def test_verdict_list_and_chart_speak_of_the_journey_with_its_charging_stop(page
     page.keyboard.press("ArrowRight")
     page.wait_for_function("() => document.querySelector('.verdict .number').innerText.startsWith('59')")
     assert page.locator(".mark-arrival").inner_text() == "59\u00a0%"
-    page.get_by_role("group", name="Routes").get_by_role("radio").nth(1).check()  # another road has stops of its own
+    page.get_by_role("group", name="Routes").get_by_role("radio").nth(
+        1
+    ).check()  # another road has stops of its own
     page.wait_for_function("() => document.querySelector('.verdict .number').innerText.startsWith('52')")
     page.get_by_role("heading", name="You will arrive, with 1 charging stop").wait_for()
     page.unroute("**/v1/journeys")
@@ -557,10 +559,10 @@ def test_places_are_typed_as_coordinates_or_names_and_an_unknown_one_is_told_wit
     to.fill("Qqxz")
     page.get_by_text("No place is called “Qqxz”.").wait_for()
     assert to.get_attribute("aria-invalid") == "true"
-    page.locator(".journey-answer.old").wait_for()
+    page.locator(".verdict.late").wait_for()
     page.keyboard.press("Enter")
     page.get_by_text("No place is called “Qqxz”.").wait_for()
-    assert page.locator(".journey-answer.old").count() == 1
+    assert page.locator(".verdict.late").count() == 1
     to.fill("Ostheim")
     page.get_by_text("No place is called").wait_for(state="detached")
 
