@@ -185,9 +185,9 @@ class Forecast:
         min_wh = running_sum(least)
         if climb is not None:
             min_wh = min_wh + climb.offsets_wh.min(axis=0)
-        start = _charge_start(self, energy_wh)
+        start, by_change = _charge_start(self, energy_wh)
         taken_wh = energy_wh - np.interp(start.time_s, time_s, energy_wh)
-        error = scale.sd(energy_wh if start.by_change else taken_wh, start.displayed or start.by_change)
+        error = scale.sd(energy_wh if by_change else taken_wh, start.displayed or by_change)
         own_sd = np.where((time_s > start.time_s) | (not start.displayed), error, 0.0)
         return Along(
             time_s,
@@ -196,7 +196,7 @@ class Forecast:
             sd_wh,
             min_wh,
             excess,
-            np.asarray(scale.left(start.soc, taken_wh, start.displayed)),
+            np.asarray(scale.left(start.value, taken_wh, start.displayed)),
             np.hypot(charge_sd_wh / scale.wh_per_display, own_sd),
             scale.wh_per_display,
             start.time_s,
@@ -663,46 +663,29 @@ class Forecast:
         return float(np.interp(until, self.drive.edges_s, self.drive.distance_m))
 
 
-@dataclass(frozen=True, slots=True)
-class ChargeStart:
+def _charge_start(forecast: Forecast, energy_wh: FloatArray) -> tuple[ChargeReading, bool]:
     """Displayed charge from which the charge along the road is computed: the last reading on the way, else that at departure.
 
-    Attributes
-    ----------
-    time_s : float
-        Time of the reading [s since departure].
-    soc : float
-        Displayed state of charge at that time.
-    displayed : bool
-        Whether the display itself was read. If not, the charge of the battery management was converted.
-    by_change : bool
-        Whether the converted charge was shifted to match the display at departure. Only the change since departure then has an error.
+    If the display was not read, the charge of the battery management is converted. The second value says whether this was shifted to
+    match the display at departure: only the change since departure then has an error. `energy_wh` is the energy at the edges of the
+    segments, shape (edges,).
     """
-
-    time_s: float
-    soc: float
-    displayed: bool
-    by_change: bool = False
-
-
-def _charge_start(forecast: Forecast, energy_wh: FloatArray) -> ChargeStart:
-    """Starting point of a forecast's displayed charge; `energy_wh` is the energy at the edges of the segments, shape (edges,)."""
     anchor, departure, scale = forecast.measured.anchor, forecast.plan.departure, forecast.charge
     read = anchor is not None and anchor.displayed and not anchor.charged
     if anchor is not None and read and min(anchor.value, departure.soc or 0.0) >= FULL:
         anchor = None  # a full display hides charge; the hidden charge at departure is known better than that of now
     if anchor is not None and anchor.displayed:
-        return ChargeStart(anchor.time_s, anchor.value, displayed=True)
+        return anchor, False
     if anchor is not None:
         offset = _display_offset(forecast, anchor.first, energy_wh)
         converted = float(scale.displayed(anchor.value)) + (offset or 0.0)
-        return ChargeStart(anchor.time_s, converted, displayed=False, by_change=offset is not None)
+        return ChargeReading(anchor.time_s, converted, displayed=False), offset is not None
     if departure.soc is not None:
-        return ChargeStart(0.0, departure.soc, displayed=True)
+        return ChargeReading(0.0, departure.soc, displayed=True), False
     if departure.bms_soc is not None:
-        return ChargeStart(0.0, float(scale.displayed(departure.bms_soc)), displayed=False)
+        return ChargeReading(0.0, float(scale.displayed(departure.bms_soc)), displayed=False), False
     start = float(forecast.vehicle.battery.displayed_from_soc(forecast.drive.departure_soc))
-    return ChargeStart(0.0, start, displayed=True)
+    return ChargeReading(0.0, start, displayed=True), False
 
 
 def _display_offset(forecast: Forecast, first: ChargeReading | None, energy_wh: FloatArray) -> float | None:
