@@ -133,7 +133,7 @@ class TestCharge:
             np.array([[(2.0 * MARK_WH2 + 15.0**2) / hours**2]]), **EXACT
         )
         assert measured.until_s == 30.0
-        assert measured.energy_wh is None
+        assert measured.energy_wh == 0.0
         assert measured.anchor == ChargeReading(30.0, 0.47, False)
 
     def test_fine_readings(self) -> None:

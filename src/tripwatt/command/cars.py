@@ -83,7 +83,15 @@ def vehicles(
         return _new(given, out)
     without = {OPTIONS[key]: value for key, value in given.items()}
     require_effect({**without, "--out": out}, "only together with new")
-    return _find_or_describe(name, overrides or [])
+    from tripwatt.vehicles import find_vehicles, vehicle_titles
+
+    titles = vehicle_titles()
+    names = titles if not name else () if name in titles or name.endswith(".toml") else find_vehicles(name)
+    if not names:
+        return _describe(name, overrides or [])
+    rows = [(each, titles[each]) for each in names]
+    document = [{"name": each, "title": title} for each, title in rows]
+    return Answer(document, partial(print_table, "Cars for --vehicle NAME", ("name", "car"), rows))
 
 
 def _new(given: dict[str, Any], out: Path | None) -> Answer:
@@ -103,19 +111,6 @@ def _new(given: dict[str, Any], out: Path | None) -> Answer:
         f"{out} is written: {car.title}. On the WLTP it would use {certified.middle:.1f} kWh/100 km; 9 in 10 such cars use "
         f"{certified.low:.1f} to {certified.high:.1f}. Forecast with `tripwatt forecast ROUTE --vehicle {out}`",
     )
-
-
-def _find_or_describe(name: str, overrides: list[str]) -> Answer:
-    """Show the car of this name or, if there is none, list the cars that the words match; all cars if `name` is empty."""
-    from tripwatt.vehicles import find_vehicles, vehicle_titles
-
-    titles = vehicle_titles()
-    names = titles if not name else () if name in titles or name.endswith(".toml") else find_vehicles(name)
-    if not names:
-        return _describe(name, overrides)
-    rows = [(each, titles[each]) for each in names]
-    document = [{"name": each, "title": title} for each, title in rows]
-    return Answer(document, partial(print_table, "Cars for --vehicle NAME", ("name", "car"), rows))
 
 
 def _describe(name: str, overrides: list[str]) -> Answer:

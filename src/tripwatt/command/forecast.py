@@ -93,9 +93,7 @@ def forecast(
             check(require_fraction, "reserve", reserve)
             fitted = check(shared.model_of, model)
             plan = check(tw.read_route, trip, speed_m_s=speed_m_s)
-            measured = (
-                None if observed is None else check(read_canonical, observed, required=("time_s",), minimum=2)
-            )
+            measured = observed and check(read_canonical, observed, required=("time_s",), minimum=2)
             car = vehicle and check(tw.load_vehicle, vehicle)
             known = check(departure)
         expected = tw.for_car(fitted, car).forecast(plan, known)
@@ -217,12 +215,8 @@ def _show_advice(advice: tw.Advice) -> None:
     leaves = advice.forecast.plan.departure.departs_at
     if advice.p_arrive < advice.chance:
         for advised in advice.least:
-            words, longer_s = _in_words(advised, leaves), advised.difference.duration_s
-            longer = (
-                f", {longer_s / SECONDS_PER_MINUTE:.0f} min longer"
-                if longer_s >= SECONDS_PER_MINUTE / 2.0
-                else ""
-            )
+            words, minutes = _in_words(advised, leaves), advised.difference.duration_s / SECONDS_PER_MINUTE
+            longer = f", {minutes:.0f} min longer" if minutes >= 0.5 else ""
             say(f"{words[0].upper()}{words[1:]}: {chance(advised.p_arrive)}{longer}.")
         if not advice.least:
             say("No three actions together are enough.")

@@ -59,9 +59,7 @@ def _arrival(forecast: tw.Forecast) -> str:
     """Describe the displayed charge at departure and at arrival, or where the battery runs empty."""
     along = forecast.to_frame()
     start = float(along["displayed_soc"].iloc[0])
-    end, low, high = (
-        float(along[name].iloc[-1]) for name in ("displayed_soc", "displayed_soc_low", "displayed_soc_high")
-    )
+    end, low, high = along[["displayed_soc", "displayed_soc_low", "displayed_soc_high"]].iloc[-1]
     arrives = f"The probability to arrive is {chance_to_arrive(forecast)}."
     if forecast.along.missing_wh[1] > 0.0:
         least, missing, most = forecast.along.missing_wh

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Final
@@ -115,7 +114,14 @@ class ExpectedTrip:
         at = np.interp(self.plan.array("time_s") - self.simulation.time_s[0], self.edges_s, self.distance_m)
         by_turns = np.where((at / LOCAL_M).astype(np.int64) % 2, -1.0, 1.0)
         none = np.zeros((1, len(self.edges_s)))
-        even, hills = np.split(self._climbing_wh([*grade, *(g * by_turns for g in HILLS)]), [len(grade)])
+        grades = [*grade, *(g * by_turns for g in HILLS)]
+        plans = [replace(self.plan, samples=self.plan.samples.assign(grade=each)) for each in grades]
+        runs = simulate_trips((self.vehicle, plan) for plan in plans)
+        time_s = self.simulation.time_s - self.simulation.time_s[0]
+        extra_wh = [
+            np.interp(self.edges_s, time_s, run.energy_wh - self.simulation.energy_wh) for run in runs
+        ]
+        even, hills = np.split(np.array(extra_wh), [len(grade)])
         return ClimbingEnergy(
             np.insert(grade, len(EVEN) // 2, 0.0),
             np.insert(even, len(EVEN) // 2, none, axis=0),
@@ -123,15 +129,6 @@ class ExpectedTrip:
             np.concatenate((none, hills)),
             self.distance_m,
             net,
-        )
-
-    def _climbing_wh(self, grades: Sequence[FloatArray | float]) -> FloatArray:
-        """Energy up to each edge minus that of the plan's own road [Wh], shape (grades, segments + 1)."""
-        samples = [self.plan.samples.assign(grade=grade) for grade in grades]
-        runs = simulate_trips((self.vehicle, replace(self.plan, samples=each)) for each in samples)
-        time_s = self.simulation.time_s - self.simulation.time_s[0]
-        return np.array(
-            [np.interp(self.edges_s, time_s, run.energy_wh - self.simulation.energy_wh) for run in runs]
         )
 
     @cached_property

@@ -35,17 +35,15 @@ def fit_car(
 
     Each fold of the fit identifies the values anew, without the trips of the fold.
     """
-    if not identified:
-        model = ForecastModel(vehicle, corrector, seed, covariates=tuple(covariates))
-        return model.fit(trips, progress=progress), None
-    records = [stage_record(trip, vehicle) for trip in trips]
+    records = [stage_record(trip, vehicle) for trip in trips] if identified else []
 
     def car_of(members: IntArray) -> Vehicle:
         return identify([records[i] for i in members], vehicle).applied(vehicle)
 
-    values = identify(records, vehicle)
-    model = ForecastModel(values.applied(vehicle), corrector, seed, covariates=tuple(covariates))
-    return model.fit(trips, car_of=car_of, progress=progress), values
+    values = identify(records, vehicle) if identified else None
+    car = vehicle if values is None else values.applied(vehicle)
+    model = ForecastModel(car, corrector, seed, covariates=tuple(covariates))
+    return model.fit(trips, car_of=car_of if identified else None, progress=progress), values
 
 
 def fit_with_provenance(

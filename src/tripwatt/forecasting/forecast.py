@@ -177,12 +177,10 @@ class Forecast:
         sd_wh, unread = self._sd_wh(hours), _unread_hours(self)
         charge_sd_wh = sd_wh if np.array_equal(unread, hours) else self._sd_wh(unread)
         climb = None if self.climbing is None else self.climbing.ahead(self._climbs_from_m)
-        excess = Excess.from_climb(self.uncertainty.scores, climb, sd_wh)
-        energy, least = self.power_w * hours, drive.min_w * hours
-        if measured.energy_wh is not None:
-            energy, least = measured.energy_wh + energy, measured.energy_wh + least
-        energy_wh = running_sum(energy + np.diff(excess.expected_wh))
-        min_wh = running_sum(least)
+        scores = self.uncertainty.scores
+        expected_wh = np.zeros(len(sd_wh)) if climb is None else climb.quantile(scores, 0.5, sd_wh)
+        energy_wh = running_sum(measured.energy_wh + self.power_w * hours + np.diff(expected_wh))
+        min_wh = running_sum(measured.energy_wh + drive.min_w * hours)
         if climb is not None:
             min_wh = min_wh + climb.offsets_wh.min(axis=0)
         start, by_change = _charge_start(self, energy_wh)
@@ -195,7 +193,7 @@ class Forecast:
             energy_wh,
             sd_wh,
             min_wh,
-            excess,
+            Excess(scores, climb, expected_wh),
             np.asarray(scale.left(start.value, taken_wh, start.displayed)),
             np.hypot(charge_sd_wh / scale.wh_per_display, own_sd),
             scale.wh_per_display,
@@ -435,10 +433,8 @@ class Forecast:
         if self.climbing is None:
             return None
         along = self.along
-        spare = (float(along.charge[-1]) - reserve) * along.wh_per_display + float(
-            along.excess.expected_wh[-1]
-        )
-        climb = self.climbing.climb_for(max(spare, 0.0), self._climbs_from_m)
+        spare_wh = (along.charge[-1] - reserve) * along.wh_per_display + along.excess.expected_wh[-1]
+        climb = self.climbing.climb_for(max(float(spare_wh), 0.0), self._climbs_from_m)
         return climb if math.isfinite(climb) else None
 
     @property
@@ -446,7 +442,8 @@ class Forecast:
         """Displayed charge used by each metre of climb on the rest of the road [1/m]; None if its heights are known."""
         if self.climbing is None:
             return None
-        return self.climbing.more_wh(100.0, self._climbs_from_m) / 100.0 / self.charge.wh_per_display
+        more_wh = float(self.climbing.more_wh(100.0, self._climbs_from_m))
+        return more_wh / 100.0 / self.charge.wh_per_display
 
     def difference(self, other: Forecast) -> Difference:
         """Compare with another forecast of the same car, driver and day, on this road or another.
@@ -480,17 +477,12 @@ class Forecast:
             got = "of two cars" if self.vehicle != other.vehicle else "one that was updated on the way"
             allowed = "two forecasts of one car by one model before departure"
             raise InvalidInput.of("forecasts without a common part", "forecasts", got, allowed)
-        ours, theirs = self.by_cause_wh, other.by_cause_wh
-        causes = {cause: wh - theirs[cause] for cause, wh in ours.items()}
+        theirs = other.by_cause_wh
+        causes = {cause: wh - theirs[cause] for cause, wh in self.by_cause_wh.items()}
         simulated = (wh for cause, wh in causes.items() if cause != "correction")
         return Difference(
             self.energy_wh - other.energy_wh,
-            sd_between(
-                _shared(self, ours["climate"]),
-                _shared(other, theirs["climate"]),
-                self.uncertainty.scale,
-                simulated,
-            ),
+            sd_between(_shared(self), _shared(other), self.uncertainty.scale, simulated),
             self.plan.duration_s - other.plan.duration_s,
             self.soc_arrival - other.soc_arrival,
             causes,
@@ -587,7 +579,30 @@ class Forecast:
         >>> forecast.to_dict()["energy_wh"] == forecast.energy_wh
         True
         """
-        return _forecast_document(self, reserve, leave_with)
+        own = () if reserve is None else (require_fraction("reserve", reserve),)
+        along, levels = self.along, (*ARRIVAL_LEVELS, *own)
+        early, expected, late = along.empty_at_m
+        least, middle, most = along.missing_wh
+        energies_wh, charges = along.quantiles(QUANTILES)
+        return {
+            "trip": self.plan.trip_id,
+            "given": self.given,
+            "energy_wh": self.energy_wh,
+            "quantiles_wh": by_probability(energies_wh, QUANTILES),
+            "soc_arrival": self.soc_arrival,
+            "soc_quantiles": by_probability(charges, QUANTILES),
+            "wh_per_display": along.wh_per_display,
+            "empty_at_m": {"early": early, "expected": expected, "late": late},
+            "missing_wh": {"least": least, "expected": middle, "most": most},
+            "p_arrive_by_soc": {f"{level:g}": self.p_arrive(level) for level in levels},
+            "climb": _climb_document(self, levels),
+            "leave_with": leave_with,
+            "series": Series(**{name: values.tolist() for name, values in along.columns().items()}),  # type: ignore[typeddict-item]
+            "by_cause_wh": self.by_cause_wh,
+            "battery_loss_wh": self.battery_loss_wh,
+            "measured_until_s": self.measured_until_s,
+            "flags": [FlagDocument(**flag_to_dict(flag)) for flag in self.flags],  # type: ignore[typeddict-item]
+        }
 
     @one_blas_thread
     def to_frame(self) -> pd.DataFrame:
@@ -732,7 +747,7 @@ def with_empty_flag(forecast: Forecast) -> Forecast:
     return forecast if len(flags) == len(forecast.flags) else replace(forecast, flags=flags)
 
 
-def _shared(forecast: Forecast, climate_wh: float) -> Shared:
+def _shared(forecast: Forecast) -> Shared:
     drive, hours = forecast.drive, forecast.drive.table.hours
     climb, route, link_m = forecast.along.excess.climb, forecast.uncertainty.route, forecast.plan.link_m
     return Shared(
@@ -745,7 +760,7 @@ def _shared(forecast: Forecast, climate_wh: float) -> Shared:
         forecast.route_sd_wh,
         0.0 if route is None or link_m is None else route.share(link_m) * abs(forecast.energy_wh),
         0.0 if climb is None else float(climb.core_sd_wh[-1]),
-        climate_wh,
+        forecast.by_cause_wh["climate"],
         float(drive.distance_m[-1]),
     )
 
@@ -766,36 +781,6 @@ def _remaining_sd_wh(forecast: Forecast) -> FloatArray:
     """
     trip_sd_wh = np.hypot(forecast.route_sd_wh, forecast.state_sd_wh)
     return np.asarray(trip_sd_wh * np.cumsum(_unread_hours(forecast)) / forecast.drive.table.hours.sum())
-
-
-def _forecast_document(
-    forecast: Forecast, reserve: float | None, leave_with: LeaveWith | None
-) -> ForecastResponse:
-    """Return a forecast as plain values: see `Forecast.to_dict`."""
-    levels = ARRIVAL_LEVELS if reserve is None else (*ARRIVAL_LEVELS, require_fraction("reserve", reserve))
-    along = forecast.along
-    early, expected, late = along.empty_at_m
-    least, middle, most = along.missing_wh
-    energies_wh, charges = along.quantiles(QUANTILES)
-    return {
-        "trip": forecast.plan.trip_id,
-        "given": forecast.given,
-        "energy_wh": forecast.energy_wh,
-        "quantiles_wh": by_probability(energies_wh, QUANTILES),
-        "soc_arrival": forecast.soc_arrival,
-        "soc_quantiles": by_probability(charges, QUANTILES),
-        "wh_per_display": along.wh_per_display,
-        "empty_at_m": {"early": early, "expected": expected, "late": late},
-        "missing_wh": {"least": least, "expected": middle, "most": most},
-        "p_arrive_by_soc": {f"{level:g}": forecast.p_arrive(level) for level in levels},
-        "climb": _climb_document(forecast, levels),
-        "leave_with": leave_with,
-        "series": Series(**{name: values.tolist() for name, values in along.columns().items()}),  # type: ignore[typeddict-item]
-        "by_cause_wh": forecast.by_cause_wh,
-        "battery_loss_wh": forecast.battery_loss_wh,
-        "measured_until_s": forecast.measured_until_s,
-        "flags": [FlagDocument(**flag_to_dict(flag)) for flag in forecast.flags],  # type: ignore[typeddict-item]
-    }
 
 
 def _climb_document(forecast: Forecast, levels: tuple[float, ...]) -> UnknownClimbDocument | None:

@@ -72,14 +72,14 @@ class Measured:
     ----------
     until_s : float
         Time up to which the trip was measured [s since departure].
-    energy_wh, hours : ndarray or None, shape (segments,)
-        Measured energy [Wh] and measured time [h] of each segment; None if only the state of charge is known.
+    energy_wh, hours : ndarray, shape (segments,)
+        Measured energy [Wh] and measured time [h] of each segment; 0 and None if only the state of charge is known.
     anchor : ChargeReading or None
         The last reading of the state of charge.
     """
 
     until_s: float
-    energy_wh: FloatArray | None = None
+    energy_wh: FloatArray | float = 0.0
     hours: FloatArray | None = None
     anchor: ChargeReading | None = None
 
@@ -223,9 +223,7 @@ def last_reading(samples: Columns, time: FloatArray) -> ChargeReading | None:
 
 def _edges_to(drive: ExpectedTrip, end_s: float) -> FloatArray:
     """Edges of the segments, the last one no earlier than the last sample."""
-    edges = drive.edges_s.copy()
-    edges[-1] = max(edges[-1], end_s)
-    return edges
+    return np.append(drive.edges_s[:-1], max(drive.edges_s[-1], end_s))
 
 
 def _by_segment(

@@ -7,7 +7,7 @@ from typing import Final
 
 import numpy as np
 
-from tripwatt.arrays import FloatArray, distance_driven
+from tripwatt.arrays import FloatArray, distance_driven, running_sum
 from tripwatt.errors import Fault
 from tripwatt.forecasting.expected import MIN_RESISTANCE, ExpectedTrip
 from tripwatt.forecasting.measured import MAX_STRETCH, WHERE, ChargeReading, Columns, measured_energy
@@ -133,11 +133,10 @@ def battery_wh(drive: ExpectedTrip) -> float:
 def _energy_faults(cumulative: FloatArray, drive: ExpectedTrip) -> Iterator[Fault]:
     known = cumulative[np.isfinite(cumulative)]
     # a new battery may hold more than its data sheet says
-    most = 1.15 * battery_wh(drive)
-    if len(known) and float(np.ptp(known)) > most:
-        got = (
-            f"{float(np.ptp(known)) / 1000.0:.1f} kWh from a battery of {battery_wh(drive) / 1000.0:.1f} kWh"
-        )
+    holds, taken = battery_wh(drive), float(np.ptp(known)) if len(known) else 0.0
+    most = 1.15 * holds
+    if taken > most:
+        got = f"{taken / 1000.0:.1f} kWh from a battery of {holds / 1000.0:.1f} kWh"
         fix = "check the units of voltage_v and current_a"
         yield Fault("more energy than the battery holds", WHERE, got, f"at most {most / 1000.0:.1f} kWh", fix)
 
@@ -181,7 +180,7 @@ def _min_wh(drive: ExpectedTrip, from_to_m: tuple[float, float], speeds_m_s: tup
     features, hours = drive.table.features, drive.table.hours
 
     def between(cause: str) -> float:
-        energy = np.concatenate(([0.0], np.cumsum(features[f"{cause}_w"].to_numpy() * hours)))
+        energy = running_sum(features[f"{cause}_w"].to_numpy() * hours)
         start, end = np.interp(from_to_m, drive.distance_m, energy)
         return float(end - start)
 
@@ -203,10 +202,8 @@ def _charge_faults(samples: Columns, drive: ExpectedTrip) -> Iterator[Fault]:
     # 5 points: corrections by the battery management and regenerative braking
     allowed = 0.05 + _descent_wh(drive) / battery_wh(drive)
     for name in ("soc", "displayed_soc"):
-        if name not in samples:
-            continue
-        values = samples[name][np.isfinite(samples[name])]
-        rise = _largest_rise(values)
+        values = samples.get(name, np.empty(0))
+        rise = _largest_rise(values[np.isfinite(values)])
         if rise > allowed:
             got = f"a rise of {rise:.0%} on the way"
             fix = "forecast the rest as a new trip after charging, or give the elevation of the road"
@@ -221,5 +218,4 @@ def _descent_wh(drive: ExpectedTrip) -> float:
     """Potential energy of the largest descent of the road [Wh]."""
     if not drive.plan.has_road:
         return _weight_wh_m(drive) * 500.0  # descent that a road of unknown elevation may have [m]
-    climb = np.cumsum(drive.table.features["climb_w"].to_numpy() * drive.table.hours)
-    return _largest_rise(np.concatenate(([0.0], -climb)))
+    return _largest_rise(-running_sum(drive.table.features["climb_w"].to_numpy() * drive.table.hours))

@@ -113,12 +113,8 @@ def unknown_air_sd_wh(
     True
     """
     far_k = np.sqrt(3.0) * sd_k
-    cold, warm = (
-        simulate_trip(
-            vehicle, plan.with_departure(Departure(ambient_temperature_degc=usual_degc + kelvin))
-        ).simulated_energy_wh
-        for kelvin in (-far_k, far_k)
-    )
+    airs = (Departure(ambient_temperature_degc=usual_degc + kelvin) for kelvin in (-far_k, far_k))
+    cold, warm = (simulate_trip(vehicle, plan.with_departure(air)).simulated_energy_wh for air in airs)
     energies_wh, weights = np.array([cold, usual_wh, warm]), np.array([1.0, 4.0, 1.0]) / 6.0
     return float(np.sqrt(weights @ (energies_wh - weights @ energies_wh) ** 2))
 
@@ -131,21 +127,23 @@ def unknown_wind_sd_wh(vehicle: Vehicle, plan: Plan) -> float:
     air = plan.air
     if air is None or not air.any_side_m_s:
         return 0.0
-    against, behind = (
-        simulate_trip(vehicle, plan.with_weather(side)).simulated_energy_wh for side in air.sides()
-    )
+    plans = map(plan.with_weather, air.sides())
+    against, behind = (simulate_trip(vehicle, each).simulated_energy_wh for each in plans)
     return 0.5 * abs(against - behind)
 
 
 def kept_temperatures(plan: Plan, given: Departure | None) -> list[Flag]:
     """Flags for cabin and battery temperatures of the plan that are far from the outside temperature in `given`."""
-    ambient = None if given is None else given.ambient_temperature_degc
-    if given is None or ambient is None:
+    if given is None or given.ambient_temperature_degc is None:
         return []
     flags = []
     for name in ("cabin_temperature_degc", "battery_temperature_degc"):
         start = getattr(plan.departure, name)
-        if getattr(given, name) is None and start is not None and abs(start - ambient) > FAR_K:
+        if (
+            getattr(given, name) is None
+            and start is not None
+            and abs(start - given.ambient_temperature_degc) > FAR_K
+        ):
             flags.append(Flag("file_value_kept", name, start, "degc"))
     return flags
 

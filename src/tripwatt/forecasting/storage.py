@@ -96,11 +96,9 @@ def _trial_correction_w(model: ForecastModel) -> FloatArray:
     """Correction on a trial trip at -5 °C and at 25 °C [W], by which a stored corrector from outside the package is recognised."""
     corrector, _ = model.fitted_parts("a trial")
     plan = Plan.from_samples(_trial_drive(), "trial")
-    added = []
-    for ambient_degc in (-5.0, 25.0):
-        known = plan.with_departure(Departure(ambient_temperature_degc=ambient_degc))
-        added.append(corrector.predict(segment_table(known, simulate_trip(model.vehicle, known))))
-    return np.concatenate(added)
+    plans = [plan.with_departure(Departure(ambient_temperature_degc=degc)) for degc in (-5.0, 25.0)]
+    tables = (segment_table(known, simulate_trip(model.vehicle, known)) for known in plans)
+    return np.concatenate([corrector.predict(table) for table in tables])
 
 
 @cache

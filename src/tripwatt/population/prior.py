@@ -127,10 +127,8 @@ class Population:
         Population
             Population of these vehicles only.
         """
-        total = Sums.empty(len(NAMES))
-        for source, evidence in cars:
-            total = total + evidence.sums(source.car_model, source.vehicle)
-        return cls(total, tuple(source for source, _ in cars))
+        each = (evidence.sums(source.car_model, source.vehicle) for source, evidence in cars)
+        return cls(sum(each, Sums.empty(len(NAMES))), tuple(source for source, _ in cars))
 
     def without(self, datasets: Collection[str]) -> Population:
         """Leave out the vehicles of some data sets.

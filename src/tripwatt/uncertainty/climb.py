@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 
@@ -52,15 +52,11 @@ class ClimbingEnergy:
     distance_m: FloatArray
     net: NetClimbs
 
-    def more_wh(self, climb_m: float, from_m: float = 0.0) -> float:
-        """Energy that an even climb of `climb_m` from `from_m` to the end adds to that of a flat road [Wh]."""
-        return float(self._more_wh(np.array([climb_m]), from_m)[0])
-
-    def _more_wh(self, climbs_m: FloatArray, from_m: float) -> FloatArray:
-        """`more_wh` for several climbs [Wh], shape (climbs,)."""
+    def more_wh(self, climb_m: Any, from_m: float = 0.0) -> Any:
+        """Energy that an even climb of `climb_m` from `from_m` to the end adds to that of a flat road [Wh]; numbers or arrays."""
         even = self._energy_from(self.even_wh, from_m)[:, -1:]
-        grade = climbs_m[:, None] / max(float(self.distance_m[-1]) - from_m, 1e-9)
-        return _interpolated(self.grade, even, grade)[:, 0]
+        grade = np.asarray(climb_m)[..., None] / max(float(self.distance_m[-1]) - from_m, 1e-9)
+        return _interpolated(self.grade, even, grade)[..., 0]
 
     def climb_for(self, energy_wh: float, from_m: float = 0.0) -> float:
         """Even climb from `from_m` to the end that adds an energy [m]: inverse of `more_wh`; infinite if no road climbs that much."""
@@ -69,7 +65,7 @@ class ClimbingEnergy:
         if ahead <= 0.0 or self.more_wh(most, from_m) < energy_wh:
             return float("inf")
         climbs = np.linspace(0.0, most, 65)
-        return float(np.interp(energy_wh, self._more_wh(climbs, from_m), climbs))
+        return float(np.interp(energy_wh, self.more_wh(climbs, from_m), climbs))
 
     def ahead(self, from_m: float = 0.0) -> UnknownClimb:
         """Energies that the unknown climb from `from_m` on may add; 0 up to `from_m`."""
@@ -224,12 +220,6 @@ class Excess:
     scores: ConformalScores
     climb: UnknownClimb | None
     expected_wh: FloatArray
-
-    @classmethod
-    def from_climb(cls, scores: ConformalScores, climb: UnknownClimb | None, sd_wh: FloatArray) -> Excess:
-        """Combine a climb with an error of standard deviation `sd_wh` at each place, shape (places,)."""
-        expected = np.zeros(len(sd_wh)) if climb is None else climb.quantile(scores, 0.5, sd_wh)
-        return cls(scores, climb, expected)
 
     def quantile(self, p: float, sd_wh: FloatArray) -> FloatArray:
         """Quantile of the excess at each place [Wh], shape (places,)."""

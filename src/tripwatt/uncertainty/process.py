@@ -349,17 +349,16 @@ class ResidualBatch:
             if what != "joint" and climate is not None:
                 left = np.clip(climate, -limit_w, limit_w) if what == "climate" else left - climate
             rows.append(_merged(trip.segments, left))
-        shape = len(rows), max(len(segments) for segments, _, _ in rows)
-        real = np.zeros(shape, dtype=bool)
-        residual, time, moved, climate = (np.zeros(shape) for _ in range(4))
-        drive_noise, climate_noise = np.zeros(shape), np.zeros(shape)
-        for i, (segments, left, rest) in enumerate(rows):
-            k = len(segments)
-            real[i, :k], residual[i, :k], time[i, :k] = True, left, segments.time_s
-            moved[i, :k], climate[i, :k] = segments.moved_w, segments.climate_w
-            drive_noise[i, :k], climate_noise[i, :k] = rest * segments.drive_noise_w, rest
+        columns = [
+            (left, s.time_s, s.moved_w, s.climate_w, rest * s.drive_noise_w, rest) for s, left, rest in rows
+        ]
+        lengths = np.array([len(row[0]) for row in columns])
+        real = np.arange(lengths.max()) < lengths[:, None]
+        padded = np.zeros((6, *real.shape))
+        padded[:, real] = np.concatenate(columns, axis=1)
+        residual, time, moved, climate, *noise = padded
         size = {"drive": moved, "climate": climate}
-        return cls(real, residual, time, size, {"drive": drive_noise, "climate": climate_noise})
+        return cls(real, residual, time, size, dict(zip(("drive", "climate"), noise, strict=True)))
 
     def cost(self, components: Sequence[str], values: FloatArray) -> tuple[float, FloatArray]:
         """Negative log likelihood up to a constant, and its gradient with respect to the logarithms of the values."""
