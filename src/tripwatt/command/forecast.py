@@ -93,7 +93,8 @@ def forecast(
             check(require_fraction, "reserve", reserve)
             fitted = check(shared.model_of, model)
             plan = check(tw.read_route, trip, speed_m_s=speed_m_s)
-            measured = observed and check(read_canonical, observed, required=("time_s",), minimum=2)
+            canonical = partial(read_canonical, required=("time_s",), minimum=2)
+            measured = check(canonical, observed) if observed else None
             car = vehicle and check(tw.load_vehicle, vehicle)
             known = check(departure)
         expected = tw.for_car(fitted, car).forecast(plan, known)

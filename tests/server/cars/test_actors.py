@@ -21,7 +21,7 @@ from pathlib import Path
 from typing import Any, Final
 
 import pytest
-from hypothesis import settings
+from hypothesis import Phase, settings
 from hypothesis import strategies as st
 from hypothesis.stateful import (
     RuleBasedStateMachine,
@@ -504,5 +504,7 @@ MARK: Final = re.compile(rb"mark\d{6}|17000\d{5}\.137")
 def test_actors() -> None:
     """Nothing acknowledged is lost, nothing forgotten remains, and no car hides another."""
     runs, steps = (2000, 30) if EVERY else (30, 15)
-    bounds = settings(max_examples=runs, stateful_step_count=steps, deadline=None)
+    # a run of some seconds is not shrunk: that takes as long as hundreds of runs
+    found = [Phase.explicit, Phase.reuse, Phase.generate]
+    bounds = settings(max_examples=runs, stateful_step_count=steps, deadline=None, phases=found)
     run_state_machine_as_test(Actors, settings=bounds)  # type: ignore[no-untyped-call]
