@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Final
+from typing import Annotated, Any, Final
 
 import tripwatt as tw
 from tripwatt.command import shared
@@ -17,9 +17,6 @@ from tripwatt.command.printing import kwh, print_few_notes, print_table, say
 from tripwatt.command.sentences import begins
 from tripwatt.errors import InvalidInput
 from tripwatt.trips.showing import period
-
-if TYPE_CHECKING:
-    from tripwatt.roads.journey.distances import Doubt
 
 
 @dataclass(frozen=True)
@@ -100,8 +97,7 @@ def _show_need(result: tw.Need, until: Mapping[str, Any], leaves: dt.datetime | 
         rows.append(("preheat", begins(until["preheat"]["before_s"], leaves)))
     print_table(f"{result.distance_m / 1000.0:.1f} km, {result.kind}, {result.car}", ("what", "value"), rows)
     say(until["message"])
-    say(_doubt_in_words(result.doubt))
-    print_few_notes(result.flags)
+    _show_doubt(result)
 
 
 def range_(departure: Departing, drive: Drive) -> Answer:
@@ -134,8 +130,7 @@ def _show_range(result: tw.Range) -> None:
     title = f"Range from {result.soc:.0%} down to {result.reserve:.0%}"
     heads = ("kind of road", "likely", "middle half", "19 of 20 times at least")
     print_table(title, heads, rows, numbers=(heads[1], heads[3]))
-    say(_doubt_in_words(result.doubt))
-    print_few_notes(result.flags)
+    _show_doubt(result)
 
 
 _NARROWS: Final = {
@@ -145,12 +140,14 @@ _NARROWS: Final = {
 }
 
 
-def _doubt_in_words(doubt: Doubt) -> str:
-    """Say which causes contribute to the interval, and what information would narrow it most."""
+def _show_doubt(result: tw.Need | tw.Range) -> None:
+    """Say which causes contribute to the interval, and what information would narrow it most; then the notes."""
+    doubt = result.doubt
     shares = ", ".join(f"{name} {getattr(doubt, name):.0%}" for name in ("car", "road", "weather", "day"))
     narrows = _NARROWS.get(doubt.narrows or "")
     most = f" {narrows} would narrow it most, by up to {doubt.narrower:.0%}." if narrows else ""
-    return f"Shares of the uncertainty: {shares}.{most}"
+    say(f"Shares of the uncertainty: {shares}.{most}")
+    print_few_notes(result.flags)
 
 
 def _kilometres(words: list[str]) -> float:

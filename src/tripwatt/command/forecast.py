@@ -93,8 +93,8 @@ def forecast(
             check(require_fraction, "reserve", reserve)
             fitted = check(shared.model_of, model)
             plan = check(tw.read_route, trip, speed_m_s=speed_m_s)
-            canonical = partial(read_canonical, required=("time_s",), minimum=2)
-            measured = check(canonical, observed) if observed else None
+            read = partial(read_canonical, required=("time_s",), minimum=2)
+            measured = None if observed is None else check(read, observed)
             car = vehicle and check(tw.load_vehicle, vehicle)
             known = check(departure)
         expected = tw.for_car(fitted, car).forecast(plan, known)

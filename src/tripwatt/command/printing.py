@@ -140,25 +140,23 @@ PROGRESS_EVERY_S: Final = 5.0
 """Shortest time [s] between two lines of progress if there is no terminal."""
 
 
-def _progress_lines(write: Callable[[str], object], what: str) -> Callable[[int, int], None]:
-    """Make a function of (finished, all) that writes plain lines of progress: the first, the last, and few between."""
-    started, last = time.monotonic(), -math.inf
-
-    def advance(finished: int, total: int) -> None:
-        nonlocal last
-        now = time.monotonic()
-        if finished == total or now - last >= PROGRESS_EVERY_S:
-            last = now
-            write(f"{finished} of {total} {what} finished after {now - started:.0f} s")
-
-    return advance
-
-
 @contextmanager
 def progress(shown: Console, what: str = "folds") -> Iterator[Callable[[int, int], None]]:
-    """Show a bar with the time left, or plain lines without a terminal; the context gives a function of (finished, all)."""
+    """Show a bar with the time left; the context gives a function of (finished, all).
+
+    Without a terminal, plain lines are written: the first, the last, and few between.
+    """
     if not shown.is_terminal:
-        yield _progress_lines(shown.print, what)
+        started, last = time.monotonic(), -math.inf
+
+        def advance(finished: int, total: int) -> None:
+            nonlocal last
+            now = time.monotonic()
+            if finished == total or now - last >= PROGRESS_EVERY_S:
+                last = now
+                shown.print(f"{finished} of {total} {what} finished after {now - started:.0f} s")
+
+        yield advance
         return
     from rich import progress as bars
 

@@ -63,9 +63,8 @@ def _arrival(forecast: tw.Forecast) -> str:
     arrives = f"The probability to arrive is {chance_to_arrive(forecast)}."
     if forecast.along.missing_wh[1] > 0.0:
         least, missing, most = forecast.along.missing_wh
-        early, expected, late = (
-            None if m is None else f"{m / 1000.0:.0f}" for m in forecast.along.empty_at_m
-        )
+        kilometres = (None if m is None else f"{m / 1000.0:.0f}" for m in forecast.along.empty_at_m)
+        early, expected, late = kilometres
         between = f"{early} to {late} km" if late else f"{early} km or later"
         text = (
             f"Leaving with {_percent(start)} % the battery is empty after {expected} km ({between}): the trip takes {_kwh(missing)} kWh "

@@ -173,10 +173,9 @@ def make_cars_folder(folder: Path | None) -> None:
     InvalidInput
         If the folder cannot be created.
     """
-    if folder is None or folder.is_dir():
-        return
     with system_errors("cannot make the folder", f"--cars, {folder}", "a folder of cars, or a new one"):
-        folder.mkdir()
+        if folder is not None:
+            folder.mkdir(exist_ok=True)
 
 
 def models_of(given: list[str]) -> dict[str, Path]:
@@ -224,9 +223,8 @@ def mcp(
         check(make_cars_folder, cars)
         planned = check(journeys.JourneyJobs.from_settings, atlas)
     service = jobs.Jobs.from_folders(folders, settings.Limits(), planned, car_jobs.CarJobs(cars))
-    serve(
-        make_server(service, changes=changes, remote=any("://" in named for named in asdict(atlas).values()))
-    )
+    remote = any("://" in named for named in asdict(atlas).values())
+    serve(make_server(service, changes=changes, remote=remote))
 
 
 def demo(

@@ -353,9 +353,8 @@ class Forecast:
     @cached_property
     def charge(self) -> ChargeScale:
         """Conversion between energy and displayed charge: as fitted to the car's trips, else from its published values."""
-        return self.uncertainty.charge or ChargeScale.from_published(
-            self.vehicle.battery, self.drive.wh_per_soc
-        )
+        published = ChargeScale.from_published(self.vehicle.battery, self.drive.wh_per_soc)
+        return self.uncertainty.charge or published
 
     @property
     def soc_arrival(self) -> float:

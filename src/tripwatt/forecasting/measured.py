@@ -332,12 +332,10 @@ def _require_sign(observed: Columns, plan: Plan) -> None:
     if not {"voltage_v", "current_a"} <= observed.keys():
         return
     time = observed["time_s"]
-    has_speed = "speed_m_s" in observed
-    if not has_speed and plan.link_m is not None:
+    if "speed_m_s" not in observed and plan.link_m is not None:
         return  # the car's speed is unknown
-    speed = (
-        observed["speed_m_s"] if has_speed else np.interp(time, plan.array("time_s"), plan.array("speed_m_s"))
-    )
+    planned = np.interp(time, plan.array("time_s"), plan.array("speed_m_s"))
+    speed = observed.get("speed_m_s", planned)
     slope = apparent_mass(time, speed, observed["voltage_v"] * observed["current_a"])
     if slope is not None and slope[1] < WRONG_SIGN:
         got = "the battery would charge while the car accelerates"
@@ -388,10 +386,8 @@ def along_the_plan(samples: Columns, plan: Plan) -> Columns:
     gap = np.maximum.reduceat(np.diff(time), kept[:-1]) if len(kept) > 1 else np.empty(0)
     parts = np.where((wait > FILL_S) & (gap <= GAP_S), np.ceil(wait / FILL_S), 1.0).astype(np.int64)
     first = np.repeat(np.arange(len(parts)), parts)
-    place = np.append(
-        first + (np.arange(len(first)) - np.repeat(np.cumsum(parts) - parts, parts)) / parts[first],
-        len(parts),
-    )
+    within = np.arange(len(first)) - np.repeat(np.cumsum(parts) - parts, parts)
+    place = np.append(first + within / parts[first], len(parts))
     order = np.arange(len(kept))
     columns = {"time_s": np.interp(place, order, clock[kept]), DRIVEN_S: np.interp(place, order, time[kept])}
     if energy is not None:

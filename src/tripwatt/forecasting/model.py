@@ -243,9 +243,9 @@ class ForecastModel:
         link_errors: list[FloatArray] = []
         time_errors = np.full(len(table), np.nan)
         n_folds = min(INNER_FOLDS, len(table))
+        advance = progress or (lambda *_: None)
         for fold, inner in enumerate(inner_fits(self.corrector, self.seed, self.corrector_, table, again)):
-            if progress is not None:
-                progress(fold + 1, n_folds + 1)
+            advance(fold + 1, n_folds + 1)
             # links and driven trace are compared with one car, that of the model
             if routes is not None:
                 link_errors.append(routes.differences(inner.corrector, table, inner.members))
@@ -260,8 +260,7 @@ class ForecastModel:
         if self.covariates:
             plain = ForecastModel(self.vehicle, self.corrector, self.seed).fit_segments(table, again=again)
             self.covariate_errors_ = {"with": _mape(self.held_out_), "without": _mape(plain.held_out_)}
-        if progress is not None:
-            progress(n_folds + 1, n_folds + 1)
+        advance(n_folds + 1, n_folds + 1)
         return self
 
     def _estimate_uncertainty(

@@ -169,8 +169,7 @@ class Population:
 
     @cached_property
     def _scales(self) -> Scales:
-        parts = len(FACTORS)
-        usual = Scales(tuple(map(tuple, LEVEL_SDS.tolist())), 1.0, tuple(range(parts)), ROOT_SD)
+        usual = Scales(tuple(map(tuple, LEVEL_SDS.tolist())), 1.0, tuple(range(len(FACTORS))), ROOT_SD)
         if self.logs:
             return usual.with_logs(np.array(self.logs))
         return fit_scales(self.sums, usual, _LOG_SDS) if self.sums.groups else usual

@@ -76,12 +76,10 @@ class ClimbingEnergy:
             added_wh = _interpolated(self.grade, even_wh, climb / np.maximum(distance, 1e-9))
         else:  # up and down in turn
             steps = np.diff(climb, axis=1, prepend=0.0) / np.maximum(np.diff(distance, prepend=0.0), 1e-9)
-            added_wh = np.cumsum(
-                _interpolated(self.grade, np.diff(even_wh, axis=1, prepend=0.0), steps), axis=1
-            )
-        added_wh += _interpolated(
-            self.hill, self._energy_from(self.hill_wh, from_m), self.net.local_grade()[:, None]
-        )
+            each_wh = _interpolated(self.grade, np.diff(even_wh, axis=1, prepend=0.0), steps)
+            added_wh = np.cumsum(each_wh, axis=1)
+        hills_wh = self._energy_from(self.hill_wh, from_m)
+        added_wh += _interpolated(self.hill, hills_wh, self.net.local_grade()[:, None])
         return UnknownClimb(np.where(distance > 0.0, added_wh, 0.0), self.net.weights)
 
     def _energy_from(self, energy_wh: FloatArray, from_m: float) -> FloatArray:
@@ -162,9 +160,8 @@ class UnknownClimb:
         alone = _error_quantiles_wh(scores, p, sd)
         least, most = self._ascending[0] + alone, self._ascending[-1] + alone + 1e-9
         middle = self._climb_quantiles(0.5)
-        slope = (
-            1.6 * p * (1.0 - p) / np.hypot(self.core_sd_wh, sd)
-        )  # that of a normal distribution in its middle
+        # that of a normal distribution in its middle
+        slope = 1.6 * p * (1.0 - p) / np.hypot(self.core_sd_wh, sd)
         energy_wh = middle + np.sign(alone) * np.hypot(alone, self._climb_quantiles(p) - middle)
         energy_wh = np.minimum(np.maximum(energy_wh, least), most)
         miss = self.weights @ scores.probabilities((energy_wh - offsets) / sd) - p

@@ -276,12 +276,11 @@ def fit_process(trips: Sequence[HeldOutResidual]) -> ResidualProcess:
     (False, True)
     """
     trips = [trip for trip in trips if trip.along]
-    if not trips:
-        drive, climate = (ComponentProcess(*_STARTS[name]) for name in ("drive", "climate"))
-        return ResidualProcess(drive, climate, float("inf"), split=False)
     split = [trip for trip in trips if trip.climate_w is not None]
     if not split:
-        drive, climate = _fitted(ResidualBatch.from_trips(trips, "joint"), ("drive", "climate"))
+        drive, climate = (ComponentProcess(*start) for start in _STARTS.values())
+        if trips:
+            drive, climate = _fitted(ResidualBatch.from_trips(trips, "joint"), ("drive", "climate"))
         return ResidualProcess(drive, climate, float("inf"), split=False)
     seen = np.concatenate([np.abs(trip.climate_w) for trip in split if trip.climate_w is not None])
     # one segment in twenty is beyond the limit; a choice
@@ -309,9 +308,8 @@ def _fitted(batch: ResidualBatch, components: tuple[str, ...]) -> list[Component
 
     # parameters stay within a factor of 100 of their start; a choice
     bounds = [(value - 4.6, value + 4.6) for value in start]
-    starts[free] = np.exp(
-        minimize(cost, start, jac=True, method="L-BFGS-B", bounds=bounds, options={"maxiter": 80}).x
-    )
+    found = minimize(cost, start, jac=True, method="L-BFGS-B", bounds=bounds, options={"maxiter": 80})
+    starts[free] = np.exp(found.x)
     return [ComponentProcess(*map(float, row)) for row in starts]
 
 
@@ -368,9 +366,8 @@ class ResidualBatch:
         covariance = np.zeros_like(lag)
         covariance[:, diagonal, diagonal] += np.where(self.real, 0.0, 1.0)
         drifts, starts = [], []
-        for name, (constant, share, sd, time, noise, onset, onset_time) in zip(
-            components, values, strict=True
-        ):
+        for name, row in zip(components, values, strict=True):
+            constant, share, sd, time, noise, onset, onset_time = row
             early = onset**2 * np.exp(-self.time / onset_time)
             start = np.sqrt(1.0 + early)
             drift = sd**2 * np.exp(-lag / time) * start[:, :, None] * start[:, None, :]
@@ -382,19 +379,18 @@ class ResidualBatch:
         factor = np.linalg.cholesky(covariance)
         inverse = np.linalg.inv(covariance)
         alpha = (inverse @ self.residual[:, :, None])[:, :, 0]
-        value = 0.5 * float(np.sum(alpha * self.residual)) + float(
-            np.log(factor[:, diagonal, diagonal]).sum()
-        )
+        log_root = float(np.log(factor[:, diagonal, diagonal]).sum())
+        value = 0.5 * float(np.sum(alpha * self.residual)) + log_root
         inner = inverse - alpha[:, :, None] * alpha[:, None, :]
         finite = np.where(pairs, lag, 0.0)
         gradient = np.zeros_like(values)
         real = self.real.astype(np.float64)
-        for row, (name, drift, weight) in enumerate(zip(components, drifts, starts, strict=True)):
-            constant, share, _, time, noise, _, onset_time = values[row]
+        for k, (name, drift, weight) in enumerate(zip(components, drifts, starts, strict=True)):
+            constant, share, _, time, noise, _, onset_time = values[k]
             size = share * self.size[name]
             pulled = inner * drift
             by_start = pulled.sum(axis=2)
-            gradient[row] = (
+            gradient[k] = (
                 constant**2 * np.einsum("ti,tij,tj->", real, inner, real, optimize=True),
                 np.einsum("ti,tij,tj->", size, inner, size, optimize=True),
                 pulled.sum(),

@@ -217,9 +217,8 @@ class PowerPrior:
         n, J, last = len(self.time_s), len(self.drifts), int(seen[-1])
         is_seen = np.zeros(n, dtype=bool)
         is_seen[seen] = True
-        error_w2 = np.zeros(n)
+        error_w2, observed = np.zeros((2, n))
         error_w2[seen] = variance_w2
-        observed = np.zeros(n)
         observed[seen] = power_w
         weight = np.where(is_seen, 1.0 / np.where(is_seen, self.new_w2 + error_w2, 1.0), 0.0)[: last + 1]
         S = self.constant_w[: last + 1]
@@ -270,9 +269,8 @@ class PowerPrior:
 def fading_sums(time_s: FloatArray, values: FloatArray, fading_s: float) -> FloatArray:
     """``sum over i <= k of values[i] exp(-(t[k] - t[i]) / T)`` for each k, along the first axis; T is `fading_s`. O(values)."""
     fading = np.exp(-np.diff(time_s, prepend=time_s[0]) / fading_s).tolist()
-    rows = (
-        values.tolist() if values.ndim == 1 else values
-    )  # plain numbers add up faster than numbers of NumPy
+    # plain numbers add up faster than numbers of NumPy
+    rows = values.tolist() if values.ndim == 1 else values
     steps = zip(rows, fading, strict=True)
     sums = itertools.accumulate(steps, lambda before, step: step[0] + step[1] * before, initial=0.0)
     return np.array(list(itertools.islice(sums, 1, None)))

@@ -93,8 +93,7 @@ class UpdateShrinkage:
         shares = np.zeros((len(FRACTIONS), len(COMPONENTS)))
         sd_factors = np.ones((len(FRACTIONS), 2))
         if not trips:
-            none = shares[:, 0]
-            return cls(none, none, none, sd_factors[:, 0], sd_factors[:, 1], none)
+            return cls(*shares.T[:3], *sd_factors.T, shares[:, 3])
         split = np.array([process.split and trip.climate_w is not None for trip in trips])
         process_sd_wh = np.array([process.sd_wh(trip.segments) for trip in trips])
         before = _point(np.array([trip.error_wh for trip in trips]) / scale_wh)
@@ -120,9 +119,7 @@ class UpdateShrinkage:
                     unscaled = float(np.sum((sd * scale_wh / process_sd_wh)[known]) / np.sum(scale_wh[known]))
                     sd_factors[row, column] = min(factor, widths[column] / unscaled)
                     widths[column] = sd_factors[row, column] * unscaled
-        split_sd, joint_sd = sd_factors.T
-        climate_share, drive_share, joint_share, off_share = shares.T
-        return cls(climate_share, drive_share, joint_share, split_sd, joint_sd, off_share)
+        return cls(*shares.T[:3], *sd_factors.T, shares[:, 3])
 
     def at(self, component: str, fraction: float) -> float:
         """Share of a component at a measured fraction of the trip.
