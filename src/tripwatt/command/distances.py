@@ -87,12 +87,8 @@ def _show_need(result: tw.Need, until: Mapping[str, Any], leaves: dt.datetime | 
         ("charge for it", f"{100.0 * result.soc_needed:.0f} %"),
     ]
     if until["charging_s"]:
-        rows.append(
-            (
-                "on the plug",
-                f"{kwh(until['wall_wh'])} at {until['charging_w'] / 1e3:.3g} kW, {period(until['charging_s'])}",
-            )
-        )
+        power = f"{until['charging_w'] / 1e3:.3g} kW"
+        rows.append(("on the plug", f"{kwh(until['wall_wh'])} at {power}, {period(until['charging_s'])}"))
     if until["preheat"]:
         rows.append(("preheat", begins(until["preheat"]["before_s"], leaves)))
     print_table(f"{result.distance_m / 1000.0:.1f} km, {result.kind}, {result.car}", ("what", "value"), rows)

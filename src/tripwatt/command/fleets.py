@@ -117,9 +117,8 @@ def update(fleet: Fleet) -> Answer:
     change = drift(before.posterior, rows)
     version = target.add(model, f"update by {len(rows)} trips")
     target.promote(version)
-    return Answer(
-        {"version": version, **change}, partial(_show_update, f"version {version}: {model!r}", change)
-    )
+    shown = partial(_show_update, f"version {version}: {model!r}", change)
+    return Answer({"version": version, **change}, shown)
 
 
 def _show_update(updated: str, change: Mapping[str, Any]) -> None:

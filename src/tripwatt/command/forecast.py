@@ -101,9 +101,8 @@ def forecast(
     if measured is not None:
         expected = expected.update(measured)
     leave = leave_with(expected, reserve, LEAVE_PROBABILITY) if observed is None else None
-    return Answer(
-        partial(expected.to_dict, reserve, leave), partial(_show_forecast, expected, reserve, leave)
-    )
+    shown = partial(_show_forecast, expected, reserve, leave)
+    return Answer(partial(expected.to_dict, reserve, leave), shown)
 
 
 def model_and_trip(paths: list[Path]) -> tuple[Path | None, Path]:
@@ -209,10 +208,8 @@ def advise(
 
 
 def _show_advice(advice: tw.Advice) -> None:
-    arrival, now = 100.0 * advice.forecast.soc_arrival, chance(advice.p_arrive)
-    say(
-        f"You arrive with {arrival:.0f} %. The probability of {100.0 * advice.reserve:.0f} % or more is {now}."
-    )
+    wanted = f"{100.0 * advice.reserve:.0f} % or more is {chance(advice.p_arrive)}"
+    say(f"You arrive with {100.0 * advice.forecast.soc_arrival:.0f} %. The probability of {wanted}.")
     leaves = advice.forecast.plan.departure.departs_at
     if advice.p_arrive < advice.chance:
         for advised in advice.least:

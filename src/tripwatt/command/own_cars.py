@@ -207,9 +207,8 @@ def _done(car: Path, own: Car, done: Learned) -> Answer:
     def shown() -> None:
         say(f"{car}: {done.added} trips added, {done.known} were known, {done.entries} in the diary")
         reasons = (why.partition(": ") for why in done.left_out)
-        print_notes(
-            f"left out: {group}" for group in group_by_kind((why, trip, 1, trip) for trip, _, why in reasons)
-        )
+        groups = group_by_kind((why, trip, 1, trip) for trip, _, why in reasons)
+        print_notes(f"left out: {group}" for group in groups)
         if done.flat:
             say(
                 f"{done.flat} of {done.entries} new trips have no heights. Heights narrow the forecasts most: switch on the altitude "

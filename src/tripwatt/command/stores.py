@@ -40,11 +40,8 @@ def store_options(options: list[str] | None) -> dict[str, str]:
     {'AWS_REGION': 'eu-central-1'}
     """
     pairs = [option.partition("=") for option in options or []]
-    raise_faults(
-        Fault("not a pair", "--store-option", key, "KEY=VALUE")
-        for key, sign, _ in pairs
-        if not (sign and key)
-    )
+    bad = [key for key, sign, _ in pairs if not (sign and key)]
+    raise_faults(Fault("not a pair", "--store-option", key, "KEY=VALUE") for key in bad)
     return {key: value for key, _, value in pairs}
 
 

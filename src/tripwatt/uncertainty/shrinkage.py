@@ -93,7 +93,7 @@ class UpdateShrinkage:
         shares = np.zeros((len(FRACTIONS), len(COMPONENTS)))
         sd_factors = np.ones((len(FRACTIONS), 2))
         if not trips:
-            return cls(*shares.T[:3], *sd_factors.T, shares[:, 3])
+            return cls(*np.vstack((shares.T[:3], sd_factors.T, shares.T[3:])))
         split = np.array([process.split and trip.climate_w is not None for trip in trips])
         process_sd_wh = np.array([process.sd_wh(trip.segments) for trip in trips])
         before = _point(np.array([trip.error_wh for trip in trips]) / scale_wh)
@@ -119,7 +119,7 @@ class UpdateShrinkage:
                     unscaled = float(np.sum((sd * scale_wh / process_sd_wh)[known]) / np.sum(scale_wh[known]))
                     sd_factors[row, column] = min(factor, widths[column] / unscaled)
                     widths[column] = sd_factors[row, column] * unscaled
-        return cls(*shares.T[:3], *sd_factors.T, shares[:, 3])
+        return cls(*np.vstack((shares.T[:3], sd_factors.T, shares.T[3:])))
 
     def at(self, component: str, fraction: float) -> float:
         """Share of a component at a measured fraction of the trip.
