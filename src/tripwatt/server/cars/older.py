@@ -1,7 +1,7 @@
 """Folders of cars that tripwatt 0.2.0 and 0.3.0.dev0 wrote: read once into the file of the car, and then removed.
 
-They had a description, a Delta store of logs, a folder with model and diary, and a folder `live` with a journal of samples, finished trips
-as tables, the plan, the token, and forecasts.
+They had a description, a Delta store of logs, a folder with model and diary, and a folder `live` with the token, finished trips as tables
+and their forecasts. A trip under way, with its plan, is not read.
 """
 
 from __future__ import annotations
@@ -12,10 +12,9 @@ import json
 import math
 import secrets
 import shutil
-from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 import pandas as pd
 
@@ -23,9 +22,7 @@ from tripwatt.errors import InvalidInput, damage
 from tripwatt.files import WRITING, folder_lock, read_file, read_text_file, restore_folder
 from tripwatt.fleet.store import open_store
 from tripwatt.forecasting.storage import vehicle_values
-from tripwatt.server.cars.car_file import Database, MadeForecast, row_of_log, sample_of_text
-from tripwatt.server.cars.plan import LivePlan
-from tripwatt.server.cars.telemetry import CHARGES, Sample, number_of
+from tripwatt.server.cars.car_file import Database, MadeForecast, row_of_log
 from tripwatt.sources.canonical import read_canonical
 from tripwatt.trips import Context, Log
 from tripwatt.vehicles import load_vehicle
@@ -38,8 +35,7 @@ NAMES: Final = ("trips", "learned", ".learned.older", LIVE, "car.toml", "left-ou
 """Files and folders of an older version; the description goes last."""
 
 MAX_TEXT_BYTES: Final = 1 << 24
-MAX_LINE_BYTES: Final = 4096
-"""Largest text file and line that are read [bytes]; a choice."""
+"""Largest text file that is read [bytes]; a choice."""
 
 OLD_CAUSES: Final = {
     "cause_hvac_wh": "cause_climate_wh",
@@ -71,8 +67,11 @@ def read_into(folder: Path, db: Database) -> None:
         _read_description(folder, db)
     if live.is_dir():
         with folder_lock(live):
-            _read_settings(live, db)
-            _read_journal(live / "journal.ndjson", db)
+            token = live / "token.json"
+            if token.is_file():
+                with damage(token, "the digest of a token"):
+                    digest = f"{json.loads(read_text_file(token, MAX_TEXT_BYTES))['sha256']}"
+                db.put_settings({"token": digest})
             _read_trips(folder.name, live, db)
 
 
@@ -119,52 +118,6 @@ def _read_description(folder: Path, db: Database) -> None:
         db.executemany("INSERT INTO model VALUES (?, ?)", parts)
 
 
-def _read_settings(live: Path, db: Database) -> None:
-    token, plan = live / "token.json", live / "plan.json"
-    if token.is_file():
-        with damage(token, "the digest of a token"):
-            db.put_settings({"token": f"{json.loads(read_text_file(token, MAX_TEXT_BYTES))['sha256']}"})
-    if plan.is_file():
-        with damage(plan, "a plan", "remove it"):
-            document = json.loads(read_file(plan, MAX_TEXT_BYTES))
-            db.put_settings({"plan": LivePlan.from_dict(document).to_dict()})
-    start_s, forecasts = _read_forecasts(live / "forecasts.json")
-    db.put_forecasts(start_s, forecasts)
-
-
-def _read_journal(path: Path, db: Database) -> None:
-    """Read the samples of a journal; damaged lines, and an incomplete end that a killed process left, are left out."""
-    if not path.is_file():
-        return
-    samples: list[Sample] = []
-    with path.open("rb") as stream:
-        first_line = stream.readline(MAX_LINE_BYTES)
-        stream.seek(0)
-        while line := stream.readline(MAX_LINE_BYTES):
-            with contextlib.suppress(*UNREADABLE):
-                samples.append(sample_of_text(line))
-    if samples and samples[-1].received_s is None:
-        samples[-1] = replace(samples[-1], received_s=path.stat().st_mtime)
-    db.put_messages(samples)
-    with contextlib.suppress(*UNREADABLE):
-        db.put_settings({"live": _state_of_line(json.loads(first_line))})
-
-
-def _state_of_line(line: Mapping[str, Any]) -> dict[str, Any]:
-    """Return what the first line of a journal holds of earlier samples, in the form of `Recorder._state_before_samples`."""
-    charge, parked, offset_s = None, False, number_of(line.get("offset_s"))
-    if line.get("charge") is not None:
-        time_s, field, value, parked = line["charge"]
-        charge = Sample(time_s, {CHARGES[field]: value}).time_s, field, value
-    return {
-        "after_s": Sample(line["after_s"]).time_s,
-        "offset_s": None if math.isnan(offset_s) else offset_s,
-        "charge": charge,
-        "parked": parked,
-        "air": [number_of(line.get(name)) for name in ("air_s", "air_degc")],
-    }
-
-
 def _read_trips(car: str, live: Path, db: Database) -> None:
     """Read the finished trips on the road; the text of a trip that cannot be read is kept in the setting `unread`."""
     taught: set[str] = set()
@@ -186,16 +139,16 @@ def _read_trips(car: str, live: Path, db: Database) -> None:
         except UNREADABLE:
             unread[path.name] = read_file(path).decode("utf-8", "replace")
         else:
-            db.put_forecasts(start_s, _read_forecasts(path.with_name(f"{name}.forecasts.json"))[1])
+            db.put_forecasts(start_s, _read_forecasts(path.with_name(f"{name}.forecasts.json")))
     if unread:
         db.put_settings({"unread": unread})
 
 
-def _read_forecasts(path: Path) -> tuple[float, tuple[MadeForecast, ...]]:
-    """Return the departure of a trip and its forecasts from a file; NaN and no forecasts if it is missing or damaged."""
+def _read_forecasts(path: Path) -> tuple[MadeForecast, ...]:
+    """Return the forecasts of a trip from a file; none if it is missing or damaged."""
     with contextlib.suppress(*UNREADABLE):
         document = json.loads(read_text_file(path, MAX_TEXT_BYTES))
         rows = [[float(row[name]) for name in MadeForecast.__slots__] for row in document["forecasts"]]
         if all(math.isfinite(value) for row in rows for value in row):
-            return float(document["start_s"]), tuple(MadeForecast(*row) for row in rows)
-    return math.nan, ()
+            return tuple(MadeForecast(*row) for row in rows)
+    return ()
