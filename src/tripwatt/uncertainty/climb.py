@@ -41,7 +41,7 @@ class ClimbingEnergy:
     >>> grade, hill, way = np.array([-0.05, 0.0, 0.05]), np.array([0.0, 0.05]), np.array([0.0, 5e3, 1e4])
     >>> even_wh, hill_wh = np.outer([-1300.0, 0.0, 2600.0], way / 1e4), np.outer([0.0, 500.0], way / 1e4)
     >>> drive = ClimbingEnergy(grade, even_wh, hill, hill_wh, way, net_climbs())
-    >>> drive.more_wh(100.0), round(drive.climb_for(520.0), 6), drive.climb_for(9e9)
+    >>> float(drive.more_wh(100.0)), round(drive.climb_for(520.0), 6), drive.climb_for(9e9)
     (520.0, 100.0, inf)
     """
 
