@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Mapping
-from typing import Any, Final, Literal, NamedTuple
+from typing import Any, Final, NamedTuple
 
 import anyio
 import mcp_types as types
@@ -12,7 +12,6 @@ import orjson
 from mcp.server.lowlevel import Server
 from mcp.server.stdio import stdio_server
 from pydantic import BaseModel, Field, TypeAdapter
-from pydantic.json_schema import models_json_schema
 
 import tripwatt
 from tripwatt.errors import Fault, InvalidInput
@@ -173,17 +172,11 @@ def serve(server: Server[Any]) -> None:
 def _describe_tool(name: str, remote: bool) -> types.Tool:
     """Return the description of a tool for an assistant, with its schemas."""
     tool, reads = TOOLS[name], name not in CHANGING
-    inputs: list[tuple[type[BaseModel], Literal["validation"]]] = [(tool.takes, "validation")]
-    if "links" in tool.takes.model_fields:
-        inputs.append((schemas.Link, "validation"))  # which the schema of links names as OpenAPI has it
-    _, found = models_json_schema(inputs, ref_template="#/components/schemas/{model}")
-    definitions = orjson.dumps(found["$defs"])
-    schemas_by_name = orjson.loads(definitions.replace(b"#/components/schemas/", b"#/$defs/"))
     hints = types.ToolAnnotations(read_only_hint=reads, destructive_hint=False, open_world_hint=remote)
     return types.Tool(
         name=name,
         description=ABOUT[name],
-        input_schema={**schemas_by_name.pop(tool.takes.__name__), "$defs": schemas_by_name},
+        input_schema=tool.takes.model_json_schema(),
         output_schema=_without_long_fields(
             TypeAdapter(tool.gives).json_schema(mode="serialization", schema_generator=Schemas)
         ),

@@ -13,13 +13,13 @@ import numpy as np
 import orjson
 import pandas as pd
 from pydantic import (
-    AfterValidator,
     AwareDatetime,
     BaseModel,
     BeforeValidator,
     ConfigDict,
     Discriminator,
     Field,
+    PlainValidator,
     Tag,
     ValidationError,
     ValidationInfo,
@@ -64,7 +64,8 @@ NUMBER_TYPES: Final = frozenset({float, int, NoneType})
 """Types of JSON numbers and of null. `bool` is excluded, although it is a subclass of `int`."""
 
 
-def _columns_schema(required: list[str], min_items: int, meaning: str) -> dict[str, Any]:
+def _columns_type(required: list[str], min_items: int, meaning: str) -> Any:
+    """Return the documented type of a table: an object with a list of numbers per column."""
     properties = {}
     for name, column in COLUMNS.items():
         bounds = {"minimum": column.minimum, "maximum": column.maximum}
@@ -72,19 +73,14 @@ def _columns_schema(required: list[str], min_items: int, meaning: str) -> dict[s
         item = kind | ({"minimum": 0.0} if name == "time_s" else bounds)
         of_list = {"minItems": min_items, "description": f"{column.meaning} [{column.unit}]"}
         properties[BMS_SOC.get(name, name)] = {"type": "array", "items": item, **of_list}
-    return {
-        "type": "object",
-        "properties": properties,
-        "required": required,
-        "additionalProperties": False,
-        "description": meaning,
-    }
+    schema = {"type": "object", "properties": properties, "required": required, "additionalProperties": False}
+    return Annotated[Any, WithJsonSchema({**schema, "description": meaning})]
 
 
-def _checked_by(check: Callable[[Any, Limits], Any]) -> AfterValidator:
+def _checked_by(check: Callable[[Any, Limits], Any], documented: Any) -> PlainValidator:
     """Return a validator that replaces a value by the result of `check`; its faults are collected with those of pydantic.
 
-    The context of the validation is a `Jobs`, which has the limits.
+    The context of the validation is a `Jobs`, which has the limits. `documented` is the type with the schema of the value.
     """
 
     def validate(value: Any, info: ValidationInfo) -> Any:
@@ -92,7 +88,7 @@ def _checked_by(check: Callable[[Any, Limits], Any]) -> AfterValidator:
         with _collect_faults():
             return check(value, jobs.limits)
 
-    return AfterValidator(validate)
+    return PlainValidator(validate, documented)
 
 
 @contextmanager
@@ -189,37 +185,6 @@ def _columns(value: Any, where: str, limits: Limits) -> dict[str, FloatArray]:
     return columns
 
 
-Samples = Annotated[
-    Any,
-    _checked_by(parse_samples),
-    WithJsonSchema(
-        _columns_schema(
-            ["time_s", "speed_m_s"],
-            MIN_SAMPLES,
-            "Speed trace and road, one list per column. Of other signals only the first sample is used.",
-        )
-    ),
-]
-Observed = Annotated[
-    Any,
-    _checked_by(parse_observed),
-    WithJsonSchema(
-        _columns_schema(
-            ["time_s"],
-            MIN_OBSERVED,
-            "Samples measured so far, on the clock of the trip: voltage_v with current_a (positive when the battery "
-            "discharges), or bms_soc or displayed_soc.",
-        )
-    ),
-]
-Links = Annotated[
-    Any,
-    _checked_by(parse_links),
-    WithJsonSchema({"type": "array", "items": {"$ref": "#/components/schemas/Link"}, "minItems": 1}),
-]
-"""Fields whose values are checked as whole tables, not one object at a time; a checked request has a table and a `LinkRoute`."""
-
-
 def _number_field(
     columns: Mapping[str, Column], name: str, default: Any = None, *, positive: bool = False, **more: Any
 ) -> Any:
@@ -249,6 +214,33 @@ class Link(BaseModel):
     grade: float | None = _number_field(LINK_COLUMNS, "grade")
     start_elevation_m: float | None = _number_field(LINK_COLUMNS, "start_elevation_m")
     end_elevation_m: float | None = _number_field(LINK_COLUMNS, "end_elevation_m")
+
+
+Samples = Annotated[
+    Any,
+    _checked_by(
+        parse_samples,
+        _columns_type(
+            ["time_s", "speed_m_s"],
+            MIN_SAMPLES,
+            "Speed trace and road, one list per column. Of other signals only the first sample is used.",
+        ),
+    ),
+]
+Observed = Annotated[
+    Any,
+    _checked_by(
+        parse_observed,
+        _columns_type(
+            ["time_s"],
+            MIN_OBSERVED,
+            "Samples measured so far, on the clock of the trip: voltage_v with current_a (positive when the battery "
+            "discharges), or bms_soc or displayed_soc.",
+        ),
+    ),
+]
+Links = Annotated[Any, _checked_by(parse_links, Annotated[list[Link], Field(min_length=1)])]
+"""Fields whose values are checked as whole tables, not one object at a time; a checked request has a table and a `LinkRoute`."""
 
 
 def reserve_field(default: float) -> Any:
