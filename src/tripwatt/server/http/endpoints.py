@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import inspect
 import math
 from collections.abc import AsyncIterator
-from typing import Annotated, Final
+from typing import Annotated, Final, get_type_hints
 
 from fastapi import APIRouter, Query, Response
 from fastapi import Path as PathValue
 from prometheus_client import CONTENT_TYPE_LATEST
+from pydantic import BaseModel
 from starlette.responses import StreamingResponse
 
 from tripwatt.forecasting.document import ForecastResponse
@@ -16,12 +18,11 @@ from tripwatt.server.http import journey_schemas as journey
 from tripwatt.server.http import schemas
 from tripwatt.server.http.batching import forecast_lines, parse_lines
 from tripwatt.server.http.example_requests import UPLOADS
-from tripwatt.server.http.journey_schemas import AdviceResponse, DifferenceDocument
+from tripwatt.server.http.jobs import Jobs
 from tripwatt.server.http.openapi import (
     BINARY,
     INTERNAL,
     NDJSON,
-    PROBLEM,
     TAGGED,
     TEXT,
     TILE,
@@ -32,7 +33,6 @@ from tripwatt.server.http.openapi import (
     response_content,
 )
 from tripwatt.server.http.problems import Problem
-from tripwatt.server.http.schemas import DifferenceRequest, ForecastRequest, UpdateRequest
 from tripwatt.server.http.service import Called, json_response
 
 BATCH_TYPES: Final = (NDJSON, "application/jsonl", "application/ndjson")
@@ -62,38 +62,37 @@ RangeQuery = Annotated[journey.RangeQuery, Query()]
 
 forecasts, routes = new_router("forecast"), new_router("routes")
 journeys, library = new_router("journeys"), new_router("library")
-monitoring = APIRouter(
-    tags=["operation"],
-    responses={"default": PROBLEM},
-    generate_unique_id_function=lambda route: route.name,
-)
+monitoring = new_router("operation", refuses_unknown=False)
 """Routers by tag; operations for monitoring ignore unknown parameters."""
 
 
-@forecasts.post("/v1/forecast", response_model=ForecastResponse, **request_body(ForecastRequest))
-async def forecast(call: Called, fields: Fields = None) -> Response:
-    """Forecast a trip from a speed trace or from the links of a planned route."""
-    return await call.body_job("forecast", fields=fields)
+def _add_job(
+    router: APIRouter, path: str, kind: str, answer: type[BaseModel], *, has_fields: bool = False
+) -> None:
+    """Add the operation of a job that needs only a body; request and description are those of the job."""
+    job = getattr(Jobs, kind)
+
+    async def respond(call: Called) -> Response:
+        return await call.body_job(kind)
+
+    async def respond_with_fields(call: Called, fields: Fields = None) -> Response:
+        return await call.body_job(kind, fields=fields)
+
+    router.add_api_route(
+        path,
+        respond_with_fields if has_fields else respond,
+        methods=["POST"],
+        name=kind,
+        description=inspect.getdoc(job),
+        response_model=answer,
+        **request_body(get_type_hints(job)["request"]),
+    )
 
 
-@forecasts.post("/v1/forecast/update", response_model=ForecastResponse, **request_body(UpdateRequest))
-async def update(call: Called, fields: Fields = None) -> Response:
-    """Update the forecast of a trip with the samples measured so far."""
-    return await call.body_job("update", fields=fields)
-
-
-@forecasts.post(
-    "/v1/forecast/difference", response_model=DifferenceDocument, **request_body(DifferenceRequest)
-)
-async def difference(call: Called) -> Response:
-    """Compare two trips of one car: what both share cancels, and the difference has an interval of its own."""
-    return await call.body_job("difference")
-
-
-@forecasts.post("/v1/advice", response_model=AdviceResponse, **request_body(schemas.AdviceRequest))
-async def advice(call: Called) -> Response:
-    """Return what to do about a trip: the least that helps, and what each action saves."""
-    return await call.body_job("advice")
+_add_job(forecasts, "/v1/forecast", "forecast", ForecastResponse, has_fields=True)
+_add_job(forecasts, "/v1/forecast/update", "update", ForecastResponse, has_fields=True)
+_add_job(forecasts, "/v1/forecast/difference", "difference", journey.DifferenceDocument)
+_add_job(forecasts, "/v1/advice", "advice", journey.AdviceResponse)
 
 
 @forecasts.post(
@@ -127,34 +126,10 @@ async def route(call: Called, speed_m_s: MeanSpeed = None) -> Response:
     return await call.job("route", body, speed_m_s=speed)
 
 
-@journeys.post("/v1/journeys", response_model=journey.PlanResponse, **request_body(journey.PlanRequest))
-async def plan(call: Called, fields: Fields = None) -> Response:
-    """Plan a journey: roads, their forecasts, the charge to leave with, a charging stop."""
-    return await call.body_job("plan", fields=fields)
-
-
-@journeys.post(
-    "/v1/journeys/difference",
-    response_model=DifferenceDocument,
-    **request_body(journey.JourneyDifferenceRequest),
-)
-async def journey_difference(call: Called) -> Response:
-    """Compare two journeys of one car with the time and energy of their stops to charge, as `POST /v1/forecast/difference` does trips."""
-    return await call.body_job("journey_difference")
-
-
-@journeys.post(
-    "/v1/journeys/advice", response_model=AdviceResponse, **request_body(journey.JourneyAdviceRequest)
-)
-async def journey_advice(call: Called) -> Response:
-    """Return what to do about a journey with its charging stops: the least that helps, what each action saves, and the time in all."""
-    return await call.body_job("journey_advice")
-
-
-@journeys.post("/v1/reachable", response_model=journey.ReachResponse, **request_body(journey.ReachRequest))
-async def reach(call: Called) -> Response:
-    """Return the area that the charge reaches with 95 % and with 50 %."""
-    return await call.body_job("reach")
+_add_job(journeys, "/v1/journeys", "plan", journey.PlanResponse, has_fields=True)
+_add_job(journeys, "/v1/journeys/difference", "journey_difference", journey.DifferenceDocument)
+_add_job(journeys, "/v1/journeys/advice", "journey_advice", journey.AdviceResponse)
+_add_job(journeys, "/v1/reachable", "reach", journey.ReachResponse)
 
 
 @journeys.get("/v1/need", response_model=journey.NeedAnswer)
@@ -215,10 +190,7 @@ async def get_models(call: Called) -> Response:
     return await call.about_models("summaries")
 
 
-@library.post("/v1/vehicles", response_model=schemas.DescribedVehicle, **request_body(schemas.VehicleFigures))
-async def describe(call: Called) -> Response:
-    """Describe a car that the library does not have, by a few figures."""
-    return await call.body_job("describe")
+_add_job(library, "/v1/vehicles", "describe", schemas.DescribedVehicle)
 
 
 @library.get("/v1/vehicles", response_model=schemas.VehiclesResponse, **TAGGED)

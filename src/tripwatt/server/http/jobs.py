@@ -164,13 +164,13 @@ class Jobs:
         return work(**{name: arguments[name] for name in types if name in arguments})
 
     def forecast(self, request: ForecastRequest) -> dict[str, Any]:
-        """Return the response to a `ForecastRequest`."""
+        """Forecast a trip from a speed trace or from the links of a planned route."""
         forecast, probability = self._make_forecast(request), request.probability
         leave_document = None if probability is None else leave_with(forecast, request.reserve, probability)
         return require_finite(forecast.to_dict(request.reserve, leave_document))
 
     def update(self, request: UpdateRequest) -> dict[str, Any]:
-        """Return the response to an `UpdateRequest`."""
+        """Update the forecast of a trip with the samples measured so far."""
         return self.forecast(request)
 
     def route(self, body: bytes, speed_m_s: float | None) -> dict[str, Any]:
@@ -182,15 +182,15 @@ class Jobs:
         return night(self.fleets, request)
 
     def difference(self, request: DifferenceRequest) -> dict[str, Any]:
-        """Return the response to a `DifferenceRequest`: the first trip less the other one."""
+        """Compare two trips of one car: what both share cancels, and the difference has an interval of its own."""
         return self._make_forecast(request.one).difference(self._make_forecast(request.other)).to_dict()
 
     def journey_difference(self, request: journey.JourneyDifferenceRequest) -> dict[str, Any]:
-        """Return the response to a `JourneyDifferenceRequest`: the first journey less the other one, with stops to charge."""
+        """Compare two journeys of one car with the time and energy of their stops to charge, as `POST /v1/forecast/difference` does trips."""
         return self.journeys.difference(request, self.model_of(request.one), self.model_of(request.other))
 
     def advice(self, request: AdviceRequest) -> dict[str, Any]:
-        """Return the response to an `AdviceRequest`."""
+        """Return what to do about a trip: the least that helps, and what each action saves."""
         forecast, now = self._make_forecast(request), dt.datetime.now(dt.UTC)
         return advise(forecast, reserve=request.reserve, chance=request.chance, now=now).to_dict()
 
@@ -213,18 +213,18 @@ class Jobs:
         return {"reserve": request.reserve, **needed, **until, "flags": flags}
 
     def plan(self, request: journey.PlanRequest) -> dict[str, Any]:
-        """Return the response to a `PlanRequest`."""
+        """Plan a journey: roads, their forecasts, the charge to leave with, a charging stop."""
         document = self.journeys.plan(request, self.model_of(request))
         for road in document["roads"]:
             require_finite(road["forecast"])
         return document
 
     def journey_advice(self, request: journey.JourneyAdviceRequest) -> dict[str, Any]:
-        """Return the response to a `JourneyAdviceRequest`."""
+        """Return what to do about a journey with its charging stops: the least that helps, what each action saves, and the time in all."""
         return self.journeys.advice(request, self.model_of(request))
 
     def reach(self, request: journey.ReachRequest) -> dict[str, Any]:
-        """Return the response to a `ReachRequest`."""
+        """Return the area that the charge reaches with 95 % and with 50 %."""
         return self.journeys.reach(request, self.model_of(request))
 
     def distance(
@@ -339,7 +339,7 @@ class Jobs:
         return made
 
     def describe(self, request: VehicleFigures) -> dict[str, Any]:
-        """Return the response to `VehicleFigures`."""
+        """Describe a car that the library does not have, by a few figures."""
         return describe_vehicle(describe(request))
 
     def new_car(self, request: NewCarRequest) -> dict[str, Any]:

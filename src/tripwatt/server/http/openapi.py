@@ -81,11 +81,11 @@ async def refuse_unknown_parameters(request: Request) -> None:  # a plain functi
     )
 
 
-def new_router(tag: str) -> APIRouter:
-    """Return a router whose operations refuse unknown parameters, and answer errors with problem documents."""
+def new_router(tag: str, *, refuses_unknown: bool = True) -> APIRouter:
+    """Return a router whose operations answer errors with problem documents, and refuse unknown parameters by default."""
     return APIRouter(
         tags=[tag],
-        dependencies=[Depends(refuse_unknown_parameters)],
+        dependencies=[Depends(refuse_unknown_parameters)] * refuses_unknown,
         responses={"default": PROBLEM},
         generate_unique_id_function=lambda route: route.name,
     )
