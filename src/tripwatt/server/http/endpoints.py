@@ -10,7 +10,6 @@ from typing import Annotated, Final, get_type_hints
 from fastapi import APIRouter, Query, Response
 from fastapi import Path as PathValue
 from prometheus_client import CONTENT_TYPE_LATEST
-from pydantic import BaseModel
 from starlette.responses import StreamingResponse
 
 from tripwatt.forecasting.document import ForecastResponse
@@ -66,9 +65,7 @@ monitoring = new_router("operation", refuses_unknown=False)
 """Routers by tag; operations for monitoring ignore unknown parameters."""
 
 
-def _add_job(
-    router: APIRouter, path: str, kind: str, answer: type[BaseModel], *, has_fields: bool = False
-) -> None:
+def _add_job(router: APIRouter, path: str, kind: str, answer: type[Any], *, has_fields: bool = False) -> None:
     """Add the operation of a job that needs only a body; request and description are those of the job."""
     job = getattr(Jobs, kind)
 
