@@ -25,7 +25,7 @@ PARTS: Final = ("roads", "server", "fleet", "study", "gamm")
 BUDGETS: Final[Mapping[str, int]] = {
     "core": 20_659,
     "roads": 4_607,
-    "server": 6_006,
+    "server": 6_003,
     "fleet": 2_353,
     "study": 4_692,
     "gamm": 3_946,
