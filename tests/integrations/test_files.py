@@ -135,7 +135,7 @@ def test_the_add_on_starts_the_service_with_its_options(tmp_path: Path) -> None:
         assert wait_for(answers)
         assert httpx.get(f"http://127.0.0.1:{port}/v1/cars").status_code == 401
         cars = httpx.get(f"http://127.0.0.1:{port}/v1/cars", headers=headers)
-        assert cars.json() == {"cars": []}  # it keeps cars, in the folder that lasts
+        assert cars.json() == {"cars": [], "damaged": {}}  # it keeps cars, in the folder that lasts
         assert (tmp_path / "cars").is_dir()
     finally:
         process.terminate()

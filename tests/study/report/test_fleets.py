@@ -117,11 +117,13 @@ def test_drivers_are_shown_only_where_they_are_asked_for():
 def needs_of(soc):
     row = {"vehicle_id": "V1", "car_model": "m", "departs_at": LEAVES, "arrives_at": LEAVES, "trips": 2}
     wh = {"distance_m": 6e4, "energy_wh": 9e3, "energy_quantile_wh": 12e3}
+    powers = {"alternating_w": 11e3, "direct_w": 50e3}
     return pd.DataFrame(
         [
             {
                 **row,
                 **wh,
+                **powers,
                 "soc_needed": 0.5,
                 "soc": soc,
                 "charge_wh": 6e3 if soc is not None else None,
