@@ -400,7 +400,7 @@ class Actors(RuleBasedStateMachine):
             return
         entity = self.entities[name] = Entity(name, sound=False, older=True)
         place = self.root / name / ("" if kind == "car.json" else "live")
-        place.mkdir(parents=True)
+        place.mkdir(parents=True, exist_ok=True)  # a killed call may have left it
         (place / kind).write_text("{" + self.mark(entity))
         self.restart_service()
 
