@@ -97,7 +97,7 @@ class LiveCars:
         self.listeners = Places(settings.limits.listeners, "too many listeners", {"Retry-After": "30"})
         self.learn: Callable[[str], None] = lambda name: None
         self._loop: asyncio.AbstractEventLoop | None = None
-        self._digests: dict[str, str] = {}
+        self._digests: dict[str, bytes] = {}
         self._companions: dict[str, Companion] = {}
         self._thread = ThreadPoolExecutor(1, "cars")
         folder = settings.cars
@@ -135,7 +135,7 @@ class LiveCars:
             car.note = lambda text: self.log(event="forecast not stored", vehicle=name, error=text)
             car.finished = partial(self._finished, name)
             self.cars[name] = car
-        digest = {name: setting_of(folder, "token") or ""}
+        digest = {name: f"{setting_of(folder, 'token') or ''}".encode()}  # of a damaged car, any value
         is_copy = setting_of(folder, "token_of") not in (None, name)  # with the token of another car
         self._digests = self._digests | digest if is_copy else digest | self._digests | digest
 
@@ -194,7 +194,7 @@ class LiveCars:
         Problem
             `token-needed`.
         """
-        sent = digest_of(token)
+        sent = digest_of(token).encode()
         names = [name for name, digest in self._digests.items() if compare_digest(sent, digest)]
         if not names:
             challenge = {"WWW-Authenticate": 'Bearer realm="tripwatt"'}
