@@ -88,6 +88,13 @@ def test_a_slower_station_takes_longer_and_the_better_one_is_taken(model):
     assert journey(model, LOW, atlas=replace(MADE, stations=(off,))).charging is None
 
 
+@pytest.mark.parametrize(("soc", "first"), [(0.08, "Hier"), (0.7, "Halbweg")])
+def test_who_leaves_below_the_reserve_charges_at_the_next_station(model, soc, first):
+    here = Station(47.0, 9.005, "Hier", 50_000.0, direct_current=True)  # 400 m from the start
+    atlas = replace(MADE, stations=(here, *MADE.stations))
+    assert journey(model, replace(LOW, soc=soc), atlas=atlas).charging.stops[0].station.name == first
+
+
 def test_without_stations_it_is_said_that_none_are_known(model):
     found = journey(model, LOW, atlas=replace(MADE, stations=()))
     assert [flag.code for flag in found.flags] == ["no_stations"]

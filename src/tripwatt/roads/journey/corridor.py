@@ -11,6 +11,7 @@ import math
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import pairwise
+from operator import itemgetter
 from typing import Final
 
 import numpy as np
@@ -137,6 +138,7 @@ class Corridor:
     def _stations_along(self) -> list[tuple[float, Station]]:
         """Stations with their position on the road, on the way out and on the way back; if too many, the two strongest of each stretch."""
         stations, pairs = self.atlas.stations, list[tuple[float, Station]]()
+        is_low = bool(self.forecast.along.expected_soc[0] < self.rules.reserve)
         for start, end in pairwise((0.0, *self.road.stop_position_m, self.road.distance_m)):
             position = np.append(np.arange(start, end, _POINT_EVERY_M), end)
             points = [self.road.place_at(float(at)) for at in position]
@@ -145,8 +147,8 @@ class Corridor:
                 at = float(position[point])
                 if usable is None or any(_is_at(station, usable) for station in self.rules.avoid):
                     continue
-                # within 2 km of the start, a choice, one charges before leaving
-                if at >= 2000.0 or self._is_chosen(at, usable):
+                # within 2 km of the start, a choice, one charges before leaving; who is low charges at the next station
+                if at >= 2000.0 or is_low or self._is_chosen(at, usable):
                     pairs.append((at, usable))
         if len(pairs) <= _MAX_STATIONS:
             return pairs
@@ -154,8 +156,7 @@ class Corridor:
         by_stretch: dict[int, list[tuple[float, Station]]] = {}
         for at, station in sorted(pairs, key=lambda pair: (not self._is_chosen(*pair), -pair[1].power_w)):
             by_stretch.setdefault(int(at / stretch_m), []).append((at, station))
-        strongest = (pair for stretch in by_stretch.values() for pair in stretch[:2])
-        return sorted(strongest, key=lambda pair: pair[0])
+        return sorted((pair for stretch in by_stretch.values() for pair in stretch[:2]), key=itemgetter(0))
 
     @property
     def _chosen(self) -> list[tuple[float, Place]]:
