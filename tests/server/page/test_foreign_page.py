@@ -61,7 +61,7 @@ def own_s(service: Service, seconds: float) -> list[float]:
 
 
 def test_a_page_of_another_site_takes_no_computing_time(browser: Any, alone: Service) -> None:
-    """The bar of 3 times the idle p99 is for a machine with a core to spare; here the browser shares the cores."""
+    """Its refusals wait, so that a browser with its six connections cannot repeat them at once."""
     server = ThreadingHTTPServer(("127.0.0.1", 0), Elsewhere)
     threading.Thread(target=server.serve_forever, daemon=True).start()
     context = browser.new_context()
@@ -84,4 +84,4 @@ def test_a_page_of_another_site_takes_no_computing_time(browser: Any, alone: Ser
     assert 'kind="distance"' not in alone.client.get("/metrics").text
     p99_idle, p99_busy = (times[int(0.99 * len(times))] for times in (idle, busy))
     shown = f"p99 {p99_idle:.4f} s idle, {p99_busy:.4f} s with {ended} foreign requests"
-    assert p99_busy < max(10.0 * p99_idle, 0.5), shown
+    assert p99_busy < max(3.0 * p99_idle, 0.1), shown

@@ -7,6 +7,7 @@ a problem document.
 
 from __future__ import annotations
 
+import asyncio
 import hmac
 import re
 import secrets
@@ -35,6 +36,9 @@ VALID_REQUEST_ID: Final = re.compile(r"[A-Za-z0-9._-]{1,64}")
 KNOWN_METHODS: Final = frozenset({"GET", "HEAD", "POST", "PUT", "PATCH", "DELETE", "OPTIONS"})
 OWN_SITES: Final = ("same-origin", "none")
 """Values of `Sec-Fetch-Site` of a request that the page of the service, or a person, made."""
+
+FOREIGN_PAUSE_S: Final = 0.2
+"""Time before the refusal of a page of another site [s]: a browser has six connections to a service."""
 
 SECURITY_HEADERS: Final = {
     "Content-Security-Policy": "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data:; "
@@ -184,6 +188,10 @@ class _Exchange:
                     self.scope = {**self.scope, "method": "GET", "was_head": True}
                 await middleware.app(self.scope, receive, send_on)
             except Problem as problem:
+                if (
+                    problem.kind == "foreign-site"
+                ):  # a page that repeats it at once takes the time of the loop
+                    await asyncio.sleep(FOREIGN_PAUSE_S)
                 await self._respond(problem, receive, send_on)
             except Exception as exception:
                 error = repr(exception)
