@@ -83,7 +83,7 @@ def rows(names: Sequence[str] = ()) -> Iterator[Row]:
                 plan = advice.forecast.plan
                 for action in advised.actions:
                     plan = action.apply_to(plan)
-                if model.forecast(plan).p_arrive(advice.reserve) < advice.chance - 1e-9:
+                if model.forecast(plan).p_arrive(advice.reserve) < advice.probability - 1e-9:
                     faults.append("a set that is not enough when it is forecast")
             if car.climate is None:
                 faults += [

@@ -29,7 +29,7 @@ OPTIONS = ("--soc", 0.5, "--ambient", -5, "--extra", "roof_box", "--vehicle", "v
 
 def test_advice_has_the_numbers_of_python(run: Run, route: Path) -> None:
     printed = run("advise", route, *OPTIONS, "--json")
-    same = tw.advise(tw.read_route(route), KNOWN, "vw_id3", chance=0.9)
+    same = tw.advise(tw.read_route(route), KNOWN, "vw_id3", probability=0.9)
     assert json.loads(printed.out) == json.loads(json.dumps(same.to_dict()))
 
 

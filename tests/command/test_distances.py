@@ -19,18 +19,18 @@ COLD = tw.Departure(ambient_temperature_degc=-5.0)
 
 
 def test_need_has_the_numbers_of_python(run: Run) -> None:
-    printed = run("need", "50", "km", "--ambient", -5, "--kind", "country", "--quantile", 0.95, "--json")
-    expected = need(50, "country", COLD, quantile=0.95).to_dict()
+    printed = run("need", "50", "km", "--ambient", -5, "--kind", "country", "--probability", 0.95, "--json")
+    expected = need(50, "country", COLD, probability=0.95).to_dict()
     printed_need = json.loads(printed.out)
     assert {name: printed_need[name] for name in expected} == expected
-    same = run("need", "50km", "--ambient", -5, "--kind", "country", "--quantile", 0.95, "--json")
+    same = run("need", "50km", "--ambient", -5, "--kind", "country", "--probability", 0.95, "--json")
     assert same.out == printed.out
 
 
 def test_the_reserve_is_part_of_the_charge_and_few_notes_follow(run: Run) -> None:
     asked = ("need", "60", "--ambient", -5, "--soc", 0.8)
     kept = json.loads(run(*asked, "--reserve", 0.1, "--json").out)
-    without = json.loads(run(*asked, "--json").out)
+    without = json.loads(run(*asked, "--reserve", 0, "--json").out)
     assert kept["soc_needed"] == pytest.approx(without["soc_needed"] + 0.1)
     assert kept["reserve"] == 0.1
     printed = run(*asked, "--reserve", 0.1)
@@ -68,7 +68,8 @@ def test_a_usual_trip_of_my_car(run: Run, tmp_path: Path) -> None:
     printed = run("need", "--car", car.folder, "--trip", name, "--ambient", -5, "--json")
     found = json.loads(printed.out)
     expected = need(usual_plan(car, name), departure=COLD, model=car.model()).to_dict()
-    assert {name: found[name] for name in expected} == expected
+    assert {name: found[name] for name in expected} == {**expected, "car": car.folder.name}
+    assert found["usual_trip"] == name
     assert (found["kind"], found["distance_m"]) == ("trip", pytest.approx(logs[0].distance_m, rel=0.01))
     refused = run("need", "--car", car.folder, "--trip", "moon")
     assert refused.code != 0

@@ -133,7 +133,7 @@ def test_the_report_is_a_folder_of_the_registry(fleet, registry, tmp_path):
         "vehicle_id,trip,departs_at,distance_km,soc\nV00001,a,2030-01-12T07:30+01:00,30,0.1\nV00002,b,2030-01-12T08:30+01:00,30,\n"
     )
     out = tmp_path / "out"
-    begins = ("--begins", "2030-01-11 18:00", "--plug", 11000, "--quantile", 0.9)
+    begins = ("--begins", "2030-01-11 18:00", "--plug", 11000, "--probability", 0.9)
     text = run(*asked, "--planned", night, "--drivers", "--out", out, *begins)
     assert "No vehicle changed" in text
     assert "Planned trips: 2. If" in text
@@ -147,7 +147,7 @@ def test_the_report_is_a_folder_of_the_registry(fleet, registry, tmp_path):
     }
     page = (out / "report.html").read_text("utf-8")
     assert "suffices with 90\u00a0%" in page
-    facts = {"Model version": "0001", "Charger": "11 kW", "Reserve": "0 %", "A need is enough with": "90 %"}
+    facts = {"Model version": "0001", "Charger": "11 kW", "Reserve": "10 %", "A need is enough with": "90 %"}
     assert facts.items() <= written["about"].items()
     assert written["about"]["Charging begins"].startswith("2030-01-11 18:00 ")
     assert "<h1>Fleet report</h1>" in page

@@ -419,7 +419,7 @@ def test_the_next_trip_of_a_calendar_gives_the_need(hass: HomeAssistant, served:
     assert needed() == pytest.approx(of_plan["soc_needed"])
     far = event("Grandparents, 80 km", 2.0)
     wait_until(departs, far)
-    asked = {"car": "leaf", "distance_km": 80, "quantile": 0.9, "departs_at": far.isoformat()}
+    asked = {"car": "leaf", "distance_km": 80, "probability": 0.9, "departs_at": far.isoformat()}
     by_distance = served.get("/v1/need", **asked)
     attributes = hass.states("leaf")["soc_needed"]["attributes"]
     assert (attributes["message"], attributes["temperature"]) == (by_distance["message"], 2.0)
@@ -466,7 +466,7 @@ def test_a_weather_entity_gives_the_temperature_of_calendar_trips_and_of_the_nee
     event["end_date_time"] = (leaves + dt.timedelta(hours=1)).isoformat()
     hass("/services/calendar/create_event", {"entity_id": calendar, **event})
     wait_until(temperature, -9.0)  # the forecast at departure
-    asked = {"distance_km": 80, "quantile": 0.9, "ambient_temperature_degc": -9.0}
+    asked = {"distance_km": 80, "probability": 0.9, "ambient_temperature_degc": -9.0}
     need = served.get("/v1/need", car="leaf", departs_at=leaves.isoformat(), **asked)
     assert float(hass.figures("leaf")["soc_needed"]) == pytest.approx(100.0 * need["soc_needed"])
     assert "last message" not in "".join(hass.states("leaf")["soc_needed"]["attributes"]["flags"])
@@ -492,7 +492,7 @@ def test_plan_and_advise_respond_with_the_answers_of_the_service(hass: HomeAssis
     assert [stop["name"] for stop in home["stops"]] == ["Home", "Ostheim"]
     assert home["verdict"]["soc_arrival"] < told["verdict"]["soc_arrival"] - 0.2
     there = served.service.client.post(
-        "/v1/journeys/advice", json={**asked, "soc": 0.2, "chance": 0.9}
+        "/v1/journeys/advice", json={**asked, "soc": 0.2, "probability": 0.9}
     ).json()
     advice = hass.action(
         "tripwatt",
@@ -502,7 +502,7 @@ def test_plan_and_advise_respond_with_the_answers_of_the_service(hass: HomeAssis
         soc=20,
         reserve=15,
         temperature=-5,
-        chance=90,
+        probability=90,
     )
     assert advice["charge_to"] == pytest.approx(there["charge_to"])
     codes = [[row["code"] for row in each["actions"]] for each in there["least"]]

@@ -24,7 +24,7 @@ class Drive:
     """Options about the road and the car."""
 
     kind: Annotated[str, option("KIND", "Road: city, country, motorway, or mixed if unknown.")] = "mixed"
-    reserve: shared.Reserve = 0.0
+    reserve: shared.Reserve = 0.1
     car: Annotated[Path | None, option("FOLDER", "Your own car, made by `tripwatt car new`.")] = None
     vehicle: shared.Car = None
     model: shared.Model = None
@@ -45,7 +45,7 @@ def need(
     departure: Departing,
     drive: Drive,
     distance: Annotated[list[str] | None, argument("DISTANCE [km]", "Kilometres of each trip.")] = None,
-    quantile: shared.Quantile = 0.95,
+    probability: shared.Probability = 0.95,
     trips: Annotated[int, option("N", "Number of equal trips.", min=1, max=100)] = 1,
     trip: Annotated[str | None, option("NAME", "A trip of your own car in place of the distance.")] = None,
     plug: shared.Plug = 7400.0,
@@ -57,7 +57,7 @@ def need(
       # 50 km tomorrow at -5 degrees
       tripwatt need 50 km --ambient -5
       # five days to work and back on the motorway, enough in 9 of 10 weeks
-      tripwatt need 80 km --kind motorway --trips 5 --quantile 0.9 --vehicle vw_id3
+      tripwatt need 80 km --kind motorway --trips 5 --probability 0.9 --vehicle vw_id3
       # by when to charge, and when to preheat
       tripwatt need 50 km --ambient -5 --soc 0.3 --depart 07:30 --plug 3700 --json
       # a usual trip of your own car
@@ -73,26 +73,28 @@ def need(
         car = drive.own()
         again = car.pop("plan", None)
         ahead: Any = again(trip) if trip else _kilometres(distance or [])
-        known, options = departure(), {"quantile": quantile, "trips": trips, "reserve": drive.reserve}
-        result, until = need_before_departure(ahead, drive.kind, known, plug, **options, **car)
-    return Answer(result.to_dict() | until, partial(_show_need, result, until, known.departs_at))
+        known, asked = departure(), {"probability": probability, "trips": trips, "reserve": drive.reserve}
+        result, document = need_before_departure(ahead, drive.kind, known, plug, **asked, **car)
+        document |= {"usual_trip": trip} | ({"car": drive.car.name} if drive.car else {})
+    return Answer(document, partial(_show_need, result, document, known.departs_at))
 
 
-def _show_need(result: tw.Need, until: Mapping[str, Any], leaves: dt.datetime | None) -> None:
+def _show_need(result: tw.Need, answer: Mapping[str, Any], leaves: dt.datetime | None) -> None:
     lower, upper = map(kwh, result.half_wh)
     rows = [
         ("likely", kwh(result.energy_wh)),
         ("middle half", f"{lower.removesuffix(' kWh')} to {upper}"),
-        (f"cautious ({100.0 * result.quantile:g} %)", kwh(result.energy_quantile_wh)),
+        (f"cautious ({100.0 * result.probability:g} %)", kwh(result.energy_quantile_wh)),
         ("charge for it", f"{100.0 * result.soc_needed:.0f} %"),
     ]
-    if until["charging_s"]:
-        power = f"{until['charging_w'] / 1e3:.3g} kW"
-        rows.append(("on the plug", f"{kwh(until['wall_wh'])} at {power}, {period(until['charging_s'])}"))
-    if until["preheat"]:
-        rows.append(("preheat", begins(until["preheat"]["before_s"], leaves)))
-    print_table(f"{result.distance_m / 1000.0:.1f} km, {result.kind}, {result.car}", ("what", "value"), rows)
-    say(until["message"])
+    if answer["charging_s"]:
+        power = f"{answer['charging_w'] / 1e3:.3g} kW"
+        rows.append(("on the plug", f"{kwh(answer['wall_wh'])} at {power}, {period(answer['charging_s'])}"))
+    if answer["preheat"]:
+        rows.append(("preheat", begins(answer["preheat"]["before_s"], leaves)))
+    title = f"{result.distance_m / 1000.0:.1f} km, {result.kind}, {result.title}"
+    print_table(title, ("what", "value"), rows)
+    say(answer["message"])
     _show_doubt(result)
 
 

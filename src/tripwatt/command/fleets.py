@@ -198,7 +198,7 @@ def forecast(
     departure: DepartingNow,
     car_model: Annotated[str | None, option("NAME", "The car model of a vehicle without trips.")] = None,
     driver: Annotated[str | None, option("NAME", "The driver, if the store has trips of theirs.")] = None,
-    reserve: shared.Reserve = 0.0,
+    reserve: shared.Reserve = 0.1,
 ) -> Answer:
     """Forecast a trip of one vehicle with the version in use. A vehicle without trips starts from its --car-model.
 
@@ -227,7 +227,7 @@ def batch(
     quantile: Annotated[
         list[float] | None, option("Q", "Quantile, repeatable. Default: 0.05, 0.5, 0.95.")
     ] = None,
-    reserve: shared.Reserve = 0.0,
+    reserve: shared.Reserve = 0.1,
 ) -> Answer:
     """Forecast many planned trips with the version in use, Parquet in and Parquet out.
 
@@ -264,8 +264,8 @@ def report(
     ambient: Annotated[float | None, option("DEGC", "Outside temperature of trips that have none.")] = None,
     coldest: Annotated[float | None, option("DEGC", "Temperature in place of the coldest week's.")] = None,
     drivers: Annotated[bool, flag("--drivers", "Compare drivers, too.")] = False,
-    quantile: shared.Quantile = 0.95,
-    reserve: shared.Reserve = 0.0,
+    probability: shared.Probability = 0.95,
+    reserve: shared.Reserve = 0.1,
     plug: Annotated[float, option("W", "Power of a charger.", min=1.0)] = 7400.0,
     begins: Annotated[str | None, option("TIME", "When charging may begin, such as 18:00; else now.")] = None,
 ) -> Answer:
@@ -289,12 +289,12 @@ def report(
     versions, folder = _registry(fleet.registry), out or fleet.registry / "report"
     about = {"Store": fleet.store, "Written": f"{now:%Y-%m-%d %H:%M}", "Model version": versions.current()}
     if planned is not None:
-        about |= {"A need is enough with": f"{100 * quantile:g} %", "Reserve": f"{100 * reserve:g} %"}
+        about |= {"A need is enough with": f"{100 * probability:g} %", "Reserve": f"{100 * reserve:g} %"}
         about |= {"Charger": f"{plug / 1e3:g} kW", "Charging begins": f"{at:%Y-%m-%d %H:%M %z}"}
     trips = read_planned(planned, ambient) if planned is not None else []
     ahead = [trip for trip in trips if trip.departs_at >= min(now, at)]
     rows = _rows(fleet, fleet.place, fleet)
-    asked: dict[str, Any] = {"quantile": quantile, "reserve": reserve, "coldest_degc": coldest}
+    asked: dict[str, Any] = {"probability": probability, "reserve": reserve, "coldest_degc": coldest}
     result = ManagerReport.of(about, versions.load(), rows, ahead, drivers=drivers, **asked)
     document = result.write(folder, at, plug)
     if drivers and result.drivers is None:

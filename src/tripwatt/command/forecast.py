@@ -203,7 +203,7 @@ def advise(
             plan, fitted = check(tw.read_route, trip), check(shared.model_of, model)
             car = vehicle and check(tw.load_vehicle, vehicle)
             known = check(departure)
-        advice = tw.advise(plan, known, car, fitted, reserve=reserve, chance=probability)
+        advice = tw.advise(plan, known, car, fitted, reserve=reserve, probability=probability)
     return Answer(advice.to_dict, partial(_show_advice, advice))
 
 
@@ -211,7 +211,7 @@ def _show_advice(advice: tw.Advice) -> None:
     wanted = f"{100.0 * advice.reserve:.0f} % or more is {chance(advice.p_arrive)}"
     say(f"You arrive with {100.0 * advice.forecast.soc_arrival:.0f} %. The probability of {wanted}.")
     leaves = advice.forecast.plan.departure.departs_at
-    if advice.p_arrive < advice.chance:
+    if advice.p_arrive < advice.probability:
         for advised in advice.least:
             words, minutes = _in_words(advised, leaves), advised.difference.duration_s / SECONDS_PER_MINUTE
             longer = f", {minutes:.0f} min longer" if minutes >= 0.5 else ""
@@ -219,7 +219,7 @@ def _show_advice(advice: tw.Advice) -> None:
         if not advice.least:
             say("No three actions together are enough.")
         percent = math.ceil(100.0 * advice.charge_to - 1e-6)
-        to = f"Charge to {percent} % for a probability of {100.0 * advice.chance:.0f} %."
+        to = f"Charge to {percent} % for a probability of {100.0 * advice.probability:.0f} %."
         full = "A full battery is not enough: plan a stop to charge with `tripwatt plan`."
         say(to if advice.charge_to <= 1.0 else full)
     say("")

@@ -76,7 +76,7 @@ def reach(
     start: Annotated[str, argument("FROM", "A place: a name, or latitude and longitude.")],
     departure: Departing,
     map_: shared.Map = "",
-    reserve: shared.Reserve = 0.0,
+    reserve: shared.Reserve = 0.1,
     vehicle: shared.Car = None,
     model: shared.Model = None,
     places_url: shared.Places = "",

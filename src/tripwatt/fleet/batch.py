@@ -92,7 +92,7 @@ def forecast_batch(
     workers: int = 1,
     *,
     quantiles: Sequence[float] = QUANTILES,
-    reserve: float = 0.0,
+    reserve: float = 0.1,
 ) -> int:
     """Forecast every trip of a Parquet file and write one row per trip. O(links), in memory that does not grow with the links.
 

@@ -35,7 +35,6 @@ from tripwatt.trips.columns import require_fraction, require_number
 from tripwatt.units import SECONDS_PER_HOUR
 from tripwatt.vehicles import Vehicle
 
-QUANTILE: Final = 0.95
 EFFICIENCY: Final = 0.9
 """Share of the energy from an alternating-current charger that reaches the battery: a choice, because chargers lose about a tenth."""
 
@@ -172,7 +171,7 @@ def _parse_time(text: str, where: str) -> dt.datetime:
 
 
 def needs_by_hour(
-    model: FleetModel, trips: Sequence[PlannedTrip], *, quantile: float = QUANTILE, reserve: float = 0.0,
+    model: FleetModel, trips: Sequence[PlannedTrip], *, probability: float = 0.95, reserve: float = 0.1,
     refused: list[Fault] | None = None,
 ) -> pd.DataFrame:  # fmt: skip
     """Compute the energy and charge that planned trips need, by vehicle and hour of departure. O(trips) forecasts.
@@ -183,7 +182,7 @@ def needs_by_hour(
     ----------
     model : FleetModel
     trips : sequence of PlannedTrip
-    quantile : float
+    probability : float
         Probability that the energy suffices, 0.5 to 1.
     reserve : float
         Displayed charge to come back with.
@@ -210,13 +209,14 @@ def needs_by_hour(
     InvalidInput
         If `refused` is not given, and a vehicle is unknown and has no car model, or a trip cannot be forecast.
     """
-    quantile, reserve = require_fraction("quantile", quantile, 0.5), require_fraction("reserve", reserve)
+    require_fraction("probability", probability, 0.5)
+    require_fraction("reserve", reserve)
     check = Check()
     forecasts = [(trip, check(trip.forecast_by, model)) for trip in trips]
     (raise_faults if refused is None else refused.extend)(check.faults)
     rows = []
     for trip, (car, forecast) in (pair for pair in forecasts if pair[1] is not None):
-        (median_wh, quantile_wh), (_, soc_taken), duration_s = trip_quantiles(forecast, (0.5, quantile))
+        (median_wh, quantile_wh), (_, soc_taken), duration_s = trip_quantiles(forecast, (0.5, probability))
         times = trip.departs_at, trip.departs_at + dt.timedelta(seconds=duration_s)
         taken = forecast.plan.distance_m, median_wh, quantile_wh, max(soc_taken, 1e-6)
         hour = trip.departs_at.replace(minute=0, second=0, microsecond=0)
@@ -289,8 +289,8 @@ def needs_by_car(
     trips: Sequence[PlannedTrip],
     ambient_degc: float,
     *,
-    quantile: float = QUANTILE,
-    reserve: float = 0.0,
+    probability: float = 0.95,
+    reserve: float = 0.1,
 ) -> pd.DataFrame:
     """Forecast the charge that each planned route needs with each car model of a fleet at an outside temperature.
 
@@ -301,7 +301,7 @@ def needs_by_car(
         Trips of the same name are one route, forecast by the last of them.
     ambient_degc : float
         Outside temperature [°C].
-    quantile, reserve : float
+    probability, reserve : float
         As in `needs_by_hour`.
 
     Returns
@@ -315,8 +315,8 @@ def needs_by_car(
     needs = {}
     for name, trip in {trip.name: trip for trip in trips}.items():
         known = replace(trip.departure, ambient_temperature_degc=ambient_degc, battery_temperature_degc=None)
-        charge = {car: trip_quantiles(trip.forecast(m, known), (quantile,))[1] for car, m in models.items()}
-        needs[name] = {car: reserve + float(quantiles[0]) for car, quantiles in charge.items()}
+        taken = ((car, trip_quantiles(trip.forecast(m, known), (probability,))) for car, m in models.items())
+        needs[name] = {car: reserve + float(charge[0]) for car, (_, charge, _) in taken}
     return pd.DataFrame.from_dict(needs, orient="index", columns=names).rename_axis("trip").reset_index()
 
 

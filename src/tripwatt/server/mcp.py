@@ -63,7 +63,7 @@ class Tool(NamedTuple):
 
 TOOLS: Final[Mapping[str, Tool]] = {
     "plan": Tool(Jobs.plan, journey_schemas.PlanRequest, journey_schemas.PlanResponse),
-    "need": Tool(Jobs.distance, journey_schemas.NeedQuery, journey_schemas.DistanceNeed),
+    "need": Tool(Jobs.distance, journey_schemas.NeedQuery, journey_schemas.NeedResponse),
     "range": Tool(Jobs.range, journey_schemas.RangeQuery, journey_schemas.RangeResponse),
     "advise": Tool(Jobs.advice, schemas.AdviceRequest, journey_schemas.AdviceResponse),
     "advise_journey": Tool(

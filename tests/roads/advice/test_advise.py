@@ -222,4 +222,4 @@ def test_what_cannot_be_advised_is_refused(model: ForecastModel) -> None:
     with pytest.raises(InvalidInput, match="no advice"):
         tw.advise(replace(forecast, model=None))
     with pytest.raises(InvalidInput):
-        tw.advise(forecast, chance=0.2)
+        tw.advise(forecast, probability=0.2)

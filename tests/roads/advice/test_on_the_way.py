@@ -46,7 +46,7 @@ def test_what_takes_more_is_told_with_a_speed_that_helps(model: tw.ForecastModel
     assert heard
     assert heard[0].verdict == "open"
     assert heard[0].speed_m_s is not None
-    assert (heard[0].p_at_speed or 0.0) >= companion.chance > heard[0].p_arrive
+    assert (heard[0].p_at_speed or 0.0) >= companion.probability > heard[0].p_arrive
 
 
 @pytest.mark.parametrize("factor", [0.8, 1.0, 1.12, 1.3])

@@ -182,11 +182,12 @@ def test_charge_time_and_start_are_handed_over() -> None:
     leaves = dt.datetime(2026, 1, 12, 7, 30, tzinfo=dt.UTC)
     known = Departure(soc=0.3, ambient_temperature_degc=-5.0, departs_at=leaves)
     needed, until = need_before_departure(
-        60.0, "mixed", known, 3700.0, quantile=0.95, reserve=0.1, vehicle=CAR
+        60.0, "mixed", known, 3700.0, probability=0.95, reserve=0.1, vehicle=CAR
     )
-    same = tw.need(60.0, "mixed", known, vehicle=CAR, quantile=0.95, reserve=0.1)
+    same = tw.need(60.0, "mixed", known, vehicle=CAR, probability=0.95, reserve=0.1)
     assert replace(needed, flags=same.flags).to_dict() == same.to_dict()
     assert until["target_soc"] == same.soc_needed
+    assert until["message"] == leave_in_words(same.soc_needed, 0.1, 0.95)
     plan = typical_road(60_000.0, "mixed")
     per_display = tw.for_car(None, CAR).forecast(plan, known).charge.wh_per_display
     assert until["charge_wh"] == pytest.approx((same.soc_needed - 0.3) * per_display)
@@ -200,9 +201,8 @@ def test_charge_time_and_start_are_handed_over() -> None:
 
 def test_what_is_unknown_is_not_handed_over() -> None:
     forecast = tw.forecast(road(5.0), Departure(ambient_temperature_degc=20.0))
-    until = before_departure(forecast, 1.4, 0.1, 0.95, 0.0, None, None)
+    until = before_departure(forecast, 1.4, 0.0, None, None)
     assert until == {
-        "message": leave_in_words(1.4, 0.1, 0.95),
         "target_soc": 1.0,
         "departs_at": None,
         "soc": None,
@@ -212,13 +212,13 @@ def test_what_is_unknown_is_not_handed_over() -> None:
         "charging_s": None,
         "preheat": None,
     }
-    done = before_departure(forecast, 0.4, 0.1, 0.95, 3700.0, 0.6, None)
+    done = before_departure(forecast, 0.4, 3700.0, 0.6, None)
     assert (done["charge_wh"], done["charging_s"]) == (0.0, 0.0)
 
 
 def charged(vehicle: str, plug_w: float, soc: float = 0.2, to: float = 0.7, degc: float = 20.0) -> Any:
     forecast = tw.for_car(None, vehicle).forecast(road(5.0), Departure(ambient_temperature_degc=degc))
-    return before_departure(forecast, to, 0.1, 0.95, plug_w, soc, None)
+    return before_departure(forecast, to, plug_w, soc, None)
 
 
 @pytest.mark.parametrize("name", ["nissan_leaf_40", "hyundai_kona_64", "vw_id3", "bmw_i3_60ah"])

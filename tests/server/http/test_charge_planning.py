@@ -43,11 +43,20 @@ def test_the_answer_of_the_page_is_that_of_the_service(served: Served) -> None:
     found = answered(served)
     assert {"code", "message"} <= set(found.pop("flags")[0])  # the page names them below
     assert list(shown) == list(found)
-    shown |= {f"preheat.{name}": value for name, value in shown.pop("preheat").items()}
-    found |= {f"preheat.{name}": value for name, value in found.pop("preheat").items()}
-    for name, value in shown.items():
-        digits = len(f"{value}".partition(".")[2])
-        assert value == (round(found[name], digits) if isinstance(value, float) else found[name]), name
+    assert_rounded(shown, found)
+
+
+def assert_rounded(shown: Any, found: Any) -> None:
+    """Check that each number shown is the number found, rounded to its digits."""
+    if isinstance(shown, dict):
+        assert shown.keys() == found.keys()
+        shown, found = [*shown.values()], [found[name] for name in shown]
+    if isinstance(shown, list):
+        for pair in zip(shown, found, strict=True):
+            assert_rounded(*pair)
+    else:
+        digits = len(f"{shown}".partition(".")[2])
+        assert shown == (round(found, digits) if isinstance(shown, float) else found)
 
 
 def configurations() -> list[dict[str, Any]]:

@@ -193,16 +193,18 @@ def test_advice_has_the_numbers_of_python(service: Service) -> None:
         "soc": 0.5,
         "ambient_temperature_degc": -5.0,
         "car": "vw_id3",
-        "chance": 0.9,
+        "probability": 0.9,
     }
     found = service.client.post("/v1/advice", json=request)
     assert found.status_code == 200, found.text
     known = tw.Departure(soc=0.5, ambient_temperature_degc=-5.0)
-    same = tw.advise(tw.read_route(MOTORWAY), known, "vw_id3", chance=0.9)
+    same = tw.advise(tw.read_route(MOTORWAY), known, "vw_id3", probability=0.9)
     assert found.json() == json.loads(json.dumps(same.to_dict()))
 
 
-@pytest.mark.parametrize("wrong", [{"chance": 0.2}, {"chance": None}, {"reserve": 3.0}, {"links": None}])
+@pytest.mark.parametrize(
+    "wrong", [{"probability": 0.2}, {"probability": None}, {"reserve": 3.0}, {"links": None}]
+)
 def test_what_cannot_be_asked_is_refused(service: Service, wrong: dict[str, object]) -> None:
     found = service.client.post("/v1/advice", json={"links": MOTORWAY, "soc": 0.5, **wrong})
     assert found.status_code == 422
@@ -254,7 +256,7 @@ def test_range_has_the_numbers_of_python(service: Service) -> None:
         {"distance_km": 50, "car": "{"},
         {"distance_km": -1},
         {"distance_km": 50, "kind": "moon"},
-        {"distance_km": 50, "quantile": 1},
+        {"distance_km": 50, "probability": 1},
         {"distance_km": 50, "colour": "red"},
     ],
 )

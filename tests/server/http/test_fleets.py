@@ -142,7 +142,7 @@ def asked(jobs: Jobs, **fields: Any) -> dict[str, Any]:
 
 
 def test_the_night_of_a_fleet_is_that_of_the_library(fleet: Any, registry: Registry) -> None:
-    answer = asked(jobs_of(registry), quantile=0.9)
+    answer = asked(jobs_of(registry), probability=0.9)
     NightResponse.model_validate(answer)
     distance, links = answer["needs"]
     own = fleet[2].forecast(route_from_links(LINKS).plan(), vehicle_id="V00002")

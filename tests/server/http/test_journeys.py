@@ -80,14 +80,14 @@ def test_a_journey_by_names_is_that_by_coordinates(planner: Service) -> None:
 
 def test_advice_on_a_journey_is_that_on_its_road(planner: Service) -> None:
     asked = {**ASKED, "soc": 0.13, "extras": ["roof_box"]}
-    found = planner.client.post("/v1/journeys/advice", json={**asked, "chance": 0.9})
+    found = planner.client.post("/v1/journeys/advice", json={**asked, "probability": 0.9})
     assert found.status_code == 200, found.text
     advice, road = found.json(), plan(planner, **asked).json()["roads"][0]
     assert advice["soc_arrival"] == pytest.approx(road["forecast"]["soc_arrival"])
     assert advice["p_arrive"] == pytest.approx(road["forecast"]["p_arrive_by_soc"]["0.1"])
     assert advice["singly"] == []  # nothing saves 0.2 kWh over 8 km
     assert advice["whole"] is None
-    assert planner.client.post("/v1/journeys/advice", json={**asked, "chance": 2.0}).status_code == 422
+    assert planner.client.post("/v1/journeys/advice", json={**asked, "probability": 2.0}).status_code == 422
 
 
 def test_advice_on_a_journey_that_needs_a_stop_has_the_time_in_all() -> None:

@@ -271,6 +271,10 @@ def test_the_need_of_a_plan_is_a_quantile_and_the_charge_to_leave_with(served: S
     own = tw.forecast(LINKS, tw.Departure(soc=0.8, ambient_temperature_degc=-5.0))
     found = need(served, probability=0.95, departs_at=NOON, plug_w=3700.0).json()
     until = {name: found.pop(name) for name in ("wall_wh", "charging_s", "preheat")}
+    ends = [*found.pop("half_wh"), *found.pop("interval_wh")]
+    assert ends == pytest.approx([own.quantile(level) for level in (0.25, 0.75, 0.05, 0.95)], abs=1e-6)
+    doubt = found.pop("doubt")
+    assert sum(doubt[name] for name in ("car", "road", "weather", "day")) == pytest.approx(1.0)
     codes = [flag["code"] for flag in found.pop("flags")]
     assert codes == ["no_description", *(flag.code for flag in own.flags), "class_charging_curve"]
     assert found.pop("charging_w") == 3700.0
@@ -282,14 +286,16 @@ def test_the_need_of_a_plan_is_a_quantile_and_the_charge_to_leave_with(served: S
     assert until["preheat"] == heat.to_dict(leaves)
     assert found == {
         "car": "leaf",
-        "plan": "given",
+        "title": "BMW i3 60 Ah",
+        "kind": "trip",
         "usual_trip": None,
         "probability": 0.95,
         "reserve": 0.25,
-        "expected_wh": pytest.approx(own.energy_wh, abs=1e-6),
+        "distance_m": pytest.approx(own.plan.distance_m),
+        "duration_s": pytest.approx(own.plan.duration_s),
+        "energy_wh": pytest.approx(own.quantile(0.5), abs=1e-6),
         "energy_quantile_wh": pytest.approx(own.quantile(0.95), abs=1e-6),
         "soc_needed": pytest.approx(soc_needed(own, 0.25, 0.95), abs=1e-9),
-        "wh_per_display": pytest.approx(own.charge.wh_per_display, abs=1e-6),
         "message": leave_in_words(soc_needed(own, 0.25, 0.95), 0.25, 0.95),
         "target_soc": pytest.approx(soc_needed(own, 0.25, 0.95), abs=1e-9),
         "departs_at": leaves.isoformat(),
@@ -299,9 +305,9 @@ def test_the_need_of_a_plan_is_a_quantile_and_the_charge_to_leave_with(served: S
     assert found["charge_wh"] > 0.0
     warm = need(served, reserve=0.0, ambient_temperature_degc=20.0).json()
     own = tw.forecast(LINKS, tw.Departure(soc=0.8, ambient_temperature_degc=20.0))
-    assert (warm["probability"], warm["reserve"]) == (0.9, 0.0)
-    assert warm["energy_quantile_wh"] == pytest.approx(own.quantile(0.9), abs=1e-6)
-    assert warm["soc_needed"] == pytest.approx(soc_needed(own, 0.0, 0.9), abs=1e-9)
+    assert (warm["probability"], warm["reserve"]) == (0.95, 0.0)
+    assert warm["energy_quantile_wh"] == pytest.approx(own.quantile(0.95), abs=1e-6)
+    assert warm["soc_needed"] == pytest.approx(soc_needed(own, 0.0, 0.95), abs=1e-9)
     served.send(message(1.0, speed=0, soc=99.0))
     assert need(served).json()["charge_wh"] == 0.0
 
@@ -322,7 +328,7 @@ def test_what_is_asked_of_a_car_takes_the_temperature_and_the_charge_of_its_last
     codes = codes_of(found)
     assert (codes.pop("of_last_message"), codes.pop("no_description")) == (-3.0, "leaf")
     assert codes == codes_of(given)
-    assert {**found, "flags": []} == {**given, "flags": []}
+    assert {**found, "flags": [], "car": ""} == {**given, "flags": [], "car": ""}
     assert found["soc"] == 0.4
     warm = served(path, params={"car": "leaf", "ambient_temperature_degc": 20.0, **asked}).json()
     assert "of_last_message" not in codes_of(warm)
@@ -360,8 +366,8 @@ def test_the_need_without_a_plan_is_that_of_the_usual_trip(served: Served, drive
     assert air.ambient_temperature_degc == pytest.approx(drive["ambient_temperature_degc"].iloc[-1])
     own = tw.load_model().forecast(links_of_trip(log).plan(), air)
     shown = float(drive["displayed_soc"].iloc[-1])
-    assert (found["plan"], found["usual_trip"], found["soc"]) == ("usual", log.trip_id, pytest.approx(shown))
-    assert found["energy_quantile_wh"] == pytest.approx(own.quantile(0.9), abs=1e-6)
+    assert (found["kind"], found["usual_trip"], found["soc"]) == ("trip", log.trip_id, pytest.approx(shown))
+    assert found["energy_quantile_wh"] == pytest.approx(own.quantile(0.95), abs=1e-6)
     assert found["charge_wh"] == 0.0
     for departs_at in ("2023-11-16T04:13:20Z", "2023-11-13T22:13:20Z"):
         assert need(served, departs_at=departs_at).status_code == 404
@@ -822,9 +828,9 @@ def test_the_need_and_the_range_of_a_parked_car_are_those_of_the_library(publish
     published.car.set_plan(PLAN)
     found = published.document()
     own = tw.forecast(tw.read_route(LINKS), tw.Departure(ambient_temperature_degc=4.0), vehicle="vw_id3")
-    assert found["need"]["probability"] == 0.9
-    assert found["need"]["energy_quantile_wh"] == pytest.approx(own.quantile(0.9), rel=1e-6)
-    needed = soc_needed(own, 0.2, 0.9)
+    assert found["need"]["probability"] == 0.95
+    assert found["need"]["energy_quantile_wh"] == pytest.approx(own.quantile(0.95), rel=1e-6)
+    needed = soc_needed(own, 0.2, 0.95)
     assert found["need"]["soc_needed"] == pytest.approx(needed, abs=1e-9)
     charging_s = (needed - 0.12) * own.charge.wh_per_display / CHARGER / PLUG_W * 3600.0
     assert found["need"]["charging_s"] == pytest.approx(charging_s, rel=1e-3)
@@ -834,7 +840,7 @@ def test_the_need_and_the_range_of_a_parked_car_are_those_of_the_library(publish
     assert flags == expected.pop("flags")
     assert (of_message["code"], of_message["value"]) == ("of_last_message", -5.0)
     assert found["range"] == expected
-    assert (expected["soc"], expected["reserve"]) == (0.12, 0.0)  # down to an empty display
+    assert (expected["soc"], expected["reserve"]) == (0.12, 0.1)
     assert (found["car"], found["soc"]) == ("leaf", 0.12)
 
 

@@ -102,15 +102,15 @@ def test_the_defaults_of_a_request() -> None:
     assert VehicleFigures().model_dump(exclude_none=True) == {"procedure": "wltp"}
     assert Link(length_m=1.0).model_dump(exclude_none=True) == {"length_m": 1.0}
     usual = check_request({}, NeedQuery)
-    assert (usual.quantile, usual.trips, usual.probability, usual.plug_w) == (0.95, 1, 0.9, 7400.0)
-    assert (usual.kind, usual.reserve, usual.distance_km) == ("mixed", None, None)
+    assert (usual.trips, usual.probability, usual.plug_w) == (1, 0.95, 7400.0)
+    assert (usual.kind, usual.reserve, usual.distance_km) == ("mixed", 0.1, None)
     plan = check_request(PLAN, PlanRequest).model_dump(exclude_none=True)
     assert plan.pop("stops") == [PLACE | {"name": "", "kind": ""}, "Ostheim"]
     assert [plan.pop(name) for name in ("avoid", "networks")] == [[], []]
     assert [plan.pop(name) for name in ("reserve", "alternatives", "stop_overhead_s")] == [0.1, 0, 300.0]
     assert plan == {"round_trip": False, "answers": True, "charge": True, "preheat_battery": False}
-    for kind, more, default in ((ForecastRequest, {}, 0.1), (ReachRequest, REACH, 0.0)):
-        assert check_request({**more, "reserve": None}, kind).reserve == default
+    for kind, more in ((ForecastRequest, {}), (ReachRequest, REACH)):
+        assert check_request({**more, "reserve": None}, kind).reserve == 0.1
 
 
 def properties_of(model: type[BaseModel]) -> dict[str, Any]:

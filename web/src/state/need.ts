@@ -12,7 +12,7 @@ import { fieldsOfCar, trip } from "./trip";
 
 const MIN_INTERVAL_MS = 80;
 /** The share of trips for which the energy is enough. */
-const QUANTILE = 0.95;
+const PROBABILITY = 0.95;
 
 export const need = signal<Need | null>(null);
 export const range = signal<Range | null>(null);
@@ -35,7 +35,7 @@ const runner = new Latest<NeedJob>(async ({ distanceM, kind, at, car: by }, sign
   const common = { ...fields, ...carQuery(by) };
   try {
     const [needed, far] = await Promise.all([
-      findNeed({ ...common, distance_km: distanceM / 1000, kind, quantile: QUANTILE, reserve }, signal),
+      findNeed({ ...common, distance_km: distanceM / 1000, kind, probability: PROBABILITY, reserve }, signal),
       findRange({ ...common, kind, reserve }, signal),
     ]);
     batch(() => {

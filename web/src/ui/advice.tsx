@@ -128,13 +128,13 @@ export function AdviceCard() {
   if (!found || source.value === "distance" || found.singly.length === 0) return null;
   const { advice: words } = text.value;
   const { shown } = format.value;
-  const wanted = shown(found.chance, PERCENT);
-  const arrivesWithStops = found.whole !== null && found.whole.p_reserve >= found.chance;
+  const wanted = shown(found.probability, PERCENT);
+  const arrivesWithStops = found.whole !== null && found.whole.p_reserve >= found.probability;
   const least = arrivesWithStops ? words.leastWithoutStops : words.least;
   return (
     <section class="card advice" aria-labelledby="advice-title" aria-busy={adviceIsOld.value}>
       <h2 id="advice-title">{words.title}</h2>
-      {found.p_arrive < found.chance && !(arrivesWithStops && found.least.length === 0) && (
+      {found.p_arrive < found.probability && !(arrivesWithStops && found.least.length === 0) && (
         <>
           <p>{found.least.length > 0 ? least(wanted) : words.notEnough(wanted)}</p>
           <ul class="least">

@@ -48,7 +48,7 @@ ADVISE_SCHEMA: Final = vol.All(
             **_COMMON,
             vol.Exclusive("stops", "road"): _STOPS,
             vol.Exclusive("links", "road"): vol.All([dict], vol.Length(1)),
-            vol.Optional("chance"): vol.All(vol.Coerce(float), vol.Range(50.0, 99.9)),
+            vol.Optional("probability"): vol.All(vol.Coerce(float), vol.Range(50.0, 99.9)),
         }
     ),
     cv.has_at_least_one_key("stops", "links"),
@@ -112,7 +112,7 @@ def _request(call: ServiceCall, coordinator: TripwattCoordinator, car: CarState)
     request = dict(car.known)
     if "temperature" in data or coordinator.has_weather:
         request[AIR] = data.get("temperature")  # else that of the car
-    for ours, theirs in (("soc", "soc"), ("reserve", "reserve"), ("chance", "chance")):
+    for ours, theirs in (("soc", "soc"), ("reserve", "reserve"), ("probability", "probability")):
         if ours in data:
             request[theirs] = data[ours] / 100.0
     if "departs_at" in data:

@@ -195,7 +195,7 @@ class TripwattCoordinator(DataUpdateCoordinator[dict[str, CarState]]):
                 "/v1/need",
                 ("invalid-input",),
                 distance_km=trip.distance_km,
-                quantile=chance,
+                probability=chance,
                 departs_at=leaves,
                 car=name,
                 **kept,
@@ -227,8 +227,8 @@ class TripwattCoordinator(DataUpdateCoordinator[dict[str, CarState]]):
             _LOGGER.debug("%s: %s", trip.place, problem)
             return None
         return {
-            "plan": "journey",
-            "expected_wh": journey["verdict"]["energy_wh"],
+            "kind": "journey",
+            "energy_wh": journey["verdict"]["energy_wh"],
             "soc_needed": journey["soc_needed"],
             "target_soc": min(1.0, journey["soc_needed"]),
             "message": journey["leave"],

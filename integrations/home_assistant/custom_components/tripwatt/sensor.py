@@ -60,7 +60,7 @@ def _need_in_words(car: CarState) -> dict[str, Any]:
     need = car.ahead.need or {}
     names = (
         "message",
-        "plan",
+        "kind",
         "usual_trip",
         "departs_at",
         "probability",
@@ -143,7 +143,7 @@ SENSORS: Final = (
     _energy(
         "need",
         lambda car: _figure(
-            _at(car.ahead.need, "energy_quantile_wh") or _at(car.ahead.need, "expected_wh"), 0.001
+            _at(car.ahead.need, "energy_quantile_wh") or _at(car.ahead.need, "energy_wh"), 0.001
         ),
     ),
     _percent("soc_needed", _of_need("soc_needed", 100.0), more=_need_in_words),

@@ -24,8 +24,6 @@ from tripwatt.trips.messages import flag_to_dict
 from tripwatt.units import SECONDS_PER_MINUTE, WH_PER_J
 from tripwatt.vehicles import Vehicle
 
-CHANCE: Final = 0.95
-"""Default of the required chance to arrive: 19 of 20 trips."""
 _MAX_TOGETHER: Final = 3
 """Largest number of actions that are advised together: a choice, because drivers do not do more at once."""
 _MIN_P_LESS: Final = 0.95
@@ -180,14 +178,14 @@ class Advice:
     ----------
     forecast : Forecast
         Forecast of the trip as it is.
-    reserve, chance : float
-        Displayed charge to arrive with, and the required chance to do so.
+    reserve, probability : float
+        Displayed charge to arrive with, and the required probability to do so.
     p_arrive : float
         Chance to arrive with the reserve on the trip as it is.
     charge_to : float
         Displayed charge to leave with, so that nothing else has to be done. A value above 1 means that a full battery does not suffice.
     least : tuple of Advised
-        Sets of actions that reach the required chance, the smallest `cost_min` first. Empty if the trip reaches it as it is, or no set
+        Sets of actions that reach the required probability, the smallest `cost_min` first. Empty if the trip reaches it as it is, or no set
         does.
     singly : tuple of Advised
         The mildest action of each group that certainly saves energy, the largest saving first. Each has a chance to arrive of at least
@@ -202,7 +200,7 @@ class Advice:
     >>> import tripwatt as tw
     >>> road = tw.read_route([{"length_m": 80_000.0, "speed_m_s": 35.0, "grade": 0.0}])
     >>> advice = tw.advise(road, tw.Departure(soc=0.9, ambient_temperature_degc=15.0))
-    >>> advice.p_arrive < advice.chance <= advice.least[0].p_arrive
+    >>> advice.p_arrive < advice.probability <= advice.least[0].p_arrive
     True
     >>> advice.least[0].actions[0].code
     'slower'
@@ -212,7 +210,7 @@ class Advice:
 
     forecast: Forecast
     reserve: float
-    chance: float
+    probability: float
     p_arrive: float
     charge_to: float
     least: tuple[Advised, ...]
@@ -237,7 +235,7 @@ class Advice:
         """
         return {
             "reserve": self.reserve,
-            "chance": self.chance,
+            "probability": self.probability,
             "p_arrive": self.p_arrive,
             "soc_arrival": self.forecast.soc_arrival,
             "charge_to": self.charge_to,
@@ -256,7 +254,7 @@ def advise(
     model: ForecastModel | Path | str | None = None,
     *,
     reserve: float = 0.1,
-    chance: float = CHANCE,
+    probability: float = 0.95,
     others: Sequence[tuple[Action, Forecast]] = (),
     now: dt.datetime | None = None,
 ) -> Advice:
@@ -274,8 +272,8 @@ def advise(
         Model of the car. By default, the model that comes with the package.
     reserve : float
         Displayed state of charge to arrive with, 0 to 1.
-    chance : float
-        Required chance to arrive with the reserve, 0.5 to 1.
+    probability : float
+        Required probability to arrive with the reserve, 0.5 to 1.
     others : sequence of (Action, Forecast)
         Other ways to make the trip, with their forecasts, such as from `leaving_later`. The other roads of a journey are always added.
     now : datetime, optional
@@ -289,7 +287,7 @@ def advise(
     Raises
     ------
     InvalidInput
-        If the reserve or the chance is out of its bounds, or the forecast was updated on the way; else as in `ForecastModel.forecast`.
+        If the reserve or the probability is out of its bounds, or the forecast was updated on the way; else as in `ForecastModel.forecast`.
 
     Examples
     --------
@@ -299,7 +297,8 @@ def advise(
     >>> cold.least, [advised.actions[0].code for advised in cold.singly][:2]
     ((), ['no_roof_box', 'preheat_cabin'])
     """
-    reserve, chance = require_fraction("reserve", reserve), require_fraction("chance", chance, 0.5)
+    require_fraction("reserve", reserve)
+    require_fraction("probability", probability, 0.5)
     if isinstance(trip, Plan | Trip):
         forecast = for_car(model, car).forecast(trip, departure)
     else:
@@ -331,12 +330,12 @@ def advise(
         for advised in saving
         if (cap := advised.actions[0].speed_m_s) is not None
     ]
-    charge_to = soc_needed(forecast, reserve, chance)
+    charge_to = soc_needed(forecast, reserve, probability)
     lacking_wh = (charge_to - float(forecast.along.expected_soc[0])) * forecast.charge.wh_per_display
-    least = _smallest_sets(trials, saving, chance, lacking_wh) if p_arrive < chance else []
+    least = _smallest_sets(trials, saving, probability, lacking_wh) if p_arrive < probability else []
     whole = trip.charging if isinstance(trip, Journey) else None
     return Advice(
-        forecast, reserve, chance, p_arrive, charge_to, tuple(least), tuple(singly), tuple(speeds), whole
+        forecast, reserve, probability, p_arrive, charge_to, tuple(least), tuple(singly), tuple(speeds), whole
     )
 
 
@@ -388,9 +387,9 @@ class _Trials:
 
 
 def _smallest_sets(
-    trials: _Trials, singly: Sequence[Advised], chance: float, lacking_wh: float
+    trials: _Trials, singly: Sequence[Advised], probability: float, lacking_wh: float
 ) -> list[Advised]:
-    """Find up to `_MAX_SETS` sets of actions that reach the required chance: the smallest sets, and larger ones that cost less.
+    """Find up to `_MAX_SETS` sets of actions that reach the required probability: the smallest sets, and larger ones that cost less.
 
     Sets are forecast in the order of the sum of their costs, if the sum of their savings is at least `_MIN_SUM_SHARE` times the missing
     energy `lacking_wh`. From sets with the same codes, only the cheapest is kept.
@@ -409,7 +408,7 @@ def _smallest_sets(
             codes = tuple(advised.actions[0].code for advised in chosen)
             if codes not in sufficient and len(sufficient) < _MAX_SETS:
                 together = trials.with_actions(*(advised.actions[0] for advised in chosen))
-                if together.p_arrive >= chance:
+                if together.p_arrive >= probability:
                     sufficient[codes] = together
     return sorted(sufficient.values(), key=lambda advised: advised.cost_min)
 

@@ -11,7 +11,6 @@ import pandas as pd
 from tripwatt.forecasting import Forecast
 from tripwatt.forecasting.leaving import forecasts_like
 from tripwatt.roads.advice.actions import cap_speed, limits_below
-from tripwatt.roads.advice.advise import CHANCE
 from tripwatt.trips.columns import require_fraction
 from tripwatt.units import SECONDS_PER_MINUTE
 
@@ -153,10 +152,10 @@ class Companion:
     True
     """
 
-    def __init__(self, departure: Forecast, reserve: float = 0.1, chance: float = CHANCE) -> None:
+    def __init__(self, departure: Forecast, reserve: float = 0.1, probability: float = 0.95) -> None:
         self.departure = departure
         self.reserve = require_fraction("reserve", reserve)
-        self.chance = require_fraction("chance", chance, 0.5)
+        self.probability = require_fraction("probability", probability, 0.5)
         self.last: Message | None = None
         self.latest: Message | None = None
         self._evaluated_s = self._message_s = -np.inf
@@ -203,9 +202,9 @@ class Companion:
     def _verdict_of(self, chance: float) -> Verdict:
         """Return the verdict of a chance; the limits of the last verdict are wider by `MARGIN`."""
         margin = {v: MARGIN if self._verdict == v else 0.0 for v in ("arrives", "does_not_arrive")}
-        if chance >= self.chance - margin["arrives"]:
+        if chance >= self.probability - margin["arrives"]:
             return "arrives"
-        return "does_not_arrive" if chance <= 1.0 - self.chance + margin["does_not_arrive"] else "open"
+        return "does_not_arrive" if chance <= 1.0 - self.probability + margin["does_not_arrive"] else "open"
 
     def _restoring_speed(self, observed: pd.DataFrame, at_s: float) -> tuple[float | None, float | None]:
         """Return the highest speed that restores the required chance and the chance with this speed, or None for both."""
@@ -215,6 +214,6 @@ class Companion:
         ahead = plan.array("speed_m_s")[plan.array("time_s") - plan.array("time_s")[0] > at_s]
         for limit in limits_below(float(ahead.max(initial=0.0))):
             chance = forecast_again(cap_speed(plan, limit, at_s)).update(observed).p_arrive(self.reserve)
-            if chance >= self.chance:
+            if chance >= self.probability:
                 return limit, chance
         return None, None

@@ -198,13 +198,7 @@ def _cabin_options(vehicle: Vehicle, plan: Plan, conditions: DriveConditions) ->
 
 
 def before_departure(
-    forecast: Forecast,
-    soc_needed: float,
-    reserve: float,
-    quantile: float,
-    plug_w: float,
-    soc: float | None,
-    leaves: dt.datetime | None,
+    forecast: Forecast, soc_needed: float, plug_w: float, soc: float | None, leaves: dt.datetime | None
 ) -> dict[str, Any]:
     """Return what to do before a trip, for `GET /v1/need`: target charge and time, energy and time of charging, preheating.
 
@@ -214,8 +208,6 @@ def before_departure(
         Forecast of the trip.
     soc_needed : float
         Displayed charge to leave with.
-    reserve, quantile : float
-        Displayed charge to arrive with, and the probability with which `soc_needed` suffices.
     plug_w : float
         Power of the plug [W]; 0 if the car is not plugged in.
     soc : float or None
@@ -233,7 +225,7 @@ def before_departure(
     >>> import tripwatt as tw
     >>> cold = tw.Departure(soc=0.3, ambient_temperature_degc=-5.0)
     >>> trip = tw.forecast(tw.read_route([{"length_m": 60_000.0, "speed_m_s": 20.0}]), cold)
-    >>> do = before_departure(trip, tw.soc_needed(trip, 0.1, 0.95), 0.1, 0.95, 3700.0, 0.3, None)
+    >>> do = before_departure(trip, tw.soc_needed(trip, 0.1, 0.95), 3700.0, 0.3, None)
     >>> do["target_soc"] > do["soc"], do["charging_s"] > 3600.0, do["preheat"]["wall_wh"] > 0.0
     (True, True, True)
     """
@@ -245,7 +237,6 @@ def before_departure(
     into_battery_s = float(curve.seconds(np.linspace(begins, target, 101), plug, wh, cell_degc)[-1])
     heat = preheating(forecast.vehicle, forecast.plan, plug_w=plug_w)
     return {
-        "message": leave_in_words(soc_needed, reserve, quantile),
         "target_soc": target,
         "departs_at": leaves and leaves.isoformat(),
         "soc": soc,
@@ -257,20 +248,17 @@ def before_departure(
     }
 
 
-def charging_flags(forecast: Forecast, until: Mapping[str, Any]) -> tuple[Flag, ...]:
-    """Return the flag of an assumed charging curve if the results of `before_departure` depend on it."""
-    depends = until["charging_s"] and _charging_curve(forecast).is_class
-    return (Flag("class_charging_curve", "charging"),) if depends else ()
-
-
 def _charging_curve(forecast: Forecast) -> ChargingCurve:
     return ChargingCurve.from_vehicle(forecast.vehicle, forecast.charge.wh_per_display)
 
 
 def need_before_departure(
-    distance_km: float | Plan | Trip, kind: str, departure: Departure, plug_w: float, **options: Any
+    ahead: float | Plan | Trip, kind: str, departure: Departure, plug_w: float, **options: Any
 ) -> tuple[Need, dict[str, Any]]:
-    """Return the results of `need` and `before_departure`, for `GET /v1/need` and `tripwatt need --json`; `options` go to `need`.
+    """Return the result of `need`, and the same with that of `before_departure` as plain values, for `GET /v1/need` and `tripwatt need --json`.
+
+    `ahead` is a distance [km] or a trip, `plug_w` the power of the plug [W]; `options` go to `need`, but `soc`: the displayed charge now, by
+    default that of the departure.
 
     Examples
     --------
@@ -280,9 +268,13 @@ def need_before_departure(
     True
     """
     model = for_car(options.pop("model", None), options.pop("vehicle", None))
-    needed = need(distance_km, kind, departure, model=model, **options)
-    trip = distance_km if isinstance(distance_km, Plan | Trip) else typical_road(1000.0 * distance_km, kind)
-    forecast, at_departure = model.forecast(trip, departure), (departure.soc, departure.departs_at)
-    asked = needed.soc_needed, needed.reserve, needed.quantile
-    until = before_departure(forecast, *asked, plug_w, *at_departure)
-    return replace(needed, flags=(*needed.flags, *charging_flags(forecast, until))), until
+    at_departure = options.pop("soc", departure.soc), departure.departs_at
+    needed = need(ahead, kind, departure, model=model, **options)
+    trip = ahead if isinstance(ahead, Plan | Trip) else typical_road(1000.0 * ahead, kind)
+    forecast = model.forecast(trip, departure)
+    until = before_departure(forecast, needed.soc_needed, plug_w, *at_departure)
+    depends = until["charging_s"] and _charging_curve(forecast).is_class
+    assumed = (Flag("class_charging_curve", "charging"),) if depends else ()
+    message = leave_in_words(needed.soc_needed, needed.reserve, needed.probability)
+    needed = replace(needed, flags=(*needed.flags, *assumed))
+    return needed, {**needed.to_dict(), "message": message, **until}

@@ -13,6 +13,7 @@ import numpy as np
 
 from tripwatt.arrays import FloatArray
 from tripwatt.forecasting import Forecast, ForecastModel
+from tripwatt.forecasting.leaving import soc_needed
 from tripwatt.forecasting.ranges import unknown_air_sd_wh
 from tripwatt.hybrid.factors import FactorCorrector
 from tripwatt.hybrid.segments import day_of
@@ -40,8 +41,6 @@ _MAX_TRIPS: Final = 100
 """Bounds of distances and of equal trips: choices, beyond what a driver plans."""
 BAND: Final = (0.05, 0.95)
 _HALF: Final = (0.25, 0.75)
-_CAUTIOUS: Final = 0.95
-"""19 of 20 trips."""
 _ASSUMED: Final = "usual_value_assumed"
 _CHARGE_FLAGS: Final = frozenset({"battery_empty", "battery_full", "no_elevation", "soc_assumed"})
 """Flags that are left out, since they are about the roads of `NODES_M` and the charge at their start, not about the given distance."""
@@ -63,22 +62,22 @@ class Need:
     kind : str
         Kind of the road; "trip" for a known trip.
     energy_wh, energy_quantile_wh : float
-        Median of the energy, and energy that is not exceeded with the probability `quantile` [Wh].
-    quantile : float
-        Probability that the energy suffices, 0.5 to 1.
+        Median of the energy, and energy that is not exceeded with `probability` [Wh].
+    probability : float
+        Probability that energy and charge suffice, 0.5 to 1.
     half_wh, interval_wh : tuple of float
         Ends of the middle half and of the central 90 % [Wh].
     soc_needed : float
-        Displayed charge to leave with, to arrive with `reserve` with the probability `quantile`. A value above 1 means that a full battery
-        does not suffice.
+        Displayed charge to leave with, to arrive with `reserve` with `probability`. A value above 1 means that a full battery does not
+        suffice.
     reserve : float
         Displayed charge to arrive with.
     duration_s : float
         Expected duration [s].
     flags : tuple of Flag
         Assumptions, and values outside of the model's range.
-    car : str
-        Title of the car.
+    car, title : str
+        Name and title of the car.
     doubt : Doubt
         Sources of the interval.
 
@@ -95,7 +94,7 @@ class Need:
     kind: str
     energy_wh: float
     energy_quantile_wh: float
-    quantile: float
+    probability: float
     half_wh: tuple[float, float]
     interval_wh: tuple[float, float]
     soc_needed: float
@@ -103,6 +102,7 @@ class Need:
     duration_s: float
     flags: tuple[Flag, ...]
     car: str
+    title: str
     doubt: Doubt
 
     def to_dict(self) -> dict[str, Any]:
@@ -394,9 +394,9 @@ def need(
     *,
     model: ForecastModel | Path | str | None = None,
     vehicle: Vehicle | str | None = None,
-    quantile: float = _CAUTIOUS,
+    probability: float = 0.95,
     trips: int = 1,
-    reserve: float = 0.0,
+    reserve: float = 0.1,
 ) -> Need:
     """Forecast the energy and charge that a distance needs, without a road.
 
@@ -416,8 +416,8 @@ def need(
         the fastest.
     vehicle : Vehicle or str, optional
         A car other than the model's own.
-    quantile : float
-        Probability that the energy suffices, 0.5 to 1.
+    probability : float
+        Probability that energy and charge suffice, 0.5 to 1.
     trips : int
         Number of equal trips ahead. They share their errors in full, so the need of one trip is multiplied by this number.
     reserve : float
@@ -431,7 +431,7 @@ def need(
     Raises
     ------
     InvalidInput
-        If the distance, kind, quantile or number of trips is out of its bounds; else as in `ForecastModel.forecast`.
+        If the distance, kind, probability or number of trips is out of its bounds; else as in `ForecastModel.forecast`.
 
     Examples
     --------
@@ -440,14 +440,16 @@ def need(
     >>> round(five.energy_quantile_wh / one.energy_quantile_wh, 6)
     5.0
     """
-    quantile = require_fraction("quantile", quantile, 0.5)
+    require_fraction("probability", probability, 0.5)
+    require_fraction("reserve", reserve)
     raise_faults(number_faults("trips", trips, Column("", 1, _MAX_TRIPS, ""), whole=True))
     n_trips = int(trips)
     own_model, departure = for_car(model, vehicle), departure or Departure()
-    levels = (BAND[0], _HALF[0], 0.5, _HALF[1], BAND[1], quantile)
+    levels = (BAND[0], _HALF[0], 0.5, _HALF[1], BAND[1], probability)
     if isinstance(distance_km, Plan | Trip):
         forecast = own_model.forecast(distance_km, departure)
-        energy, charge, duration_s = trip_quantiles(forecast, levels)
+        energy, _, duration_s = trip_quantiles(forecast, levels)
+        taken = soc_needed(forecast, reserve, probability) - reserve
         distance_m, kind_name, flags = forecast.plan.distance_m, "trip", forecast.flags
         doubt = Doubt.from_forecast(forecast)
     else:
@@ -456,20 +458,22 @@ def need(
         kind_name = kind if isinstance(kind, str) else "shares"
         energy, charge, duration_s = forecaster.quantiles(distance_m, levels)
         flags, doubt = forecaster.flags_and_doubt(distance_m)
+        taken = float(charge[-1])
     low, lower, median, upper, high, quantile_wh = (n_trips * energy).tolist()
-    needed = require_fraction("reserve", reserve) + n_trips * max(float(charge[-1]), 0.0)
+    needed = max(reserve + n_trips * taken, 0.0)
     return Need(
         n_trips * distance_m,
         kind_name,
         median,
         quantile_wh,
-        quantile,
+        probability,
         (lower, upper),
         (low, high),
         needed,
         reserve,
         n_trips * duration_s,
         flags,
+        own_model.vehicle.name,
         own_model.vehicle.title,
         doubt,
     )
@@ -480,7 +484,7 @@ def range_km(
     kind: str | Sequence[float] = UNKNOWN,
     departure: Departure | None = None,
     *,
-    reserve: float = 0.0,
+    reserve: float = 0.1,
     model: ForecastModel | Path | str | None = None,
     vehicle: Vehicle | str | None = None,
 ) -> Range:
@@ -518,8 +522,8 @@ def range_km(
     True
     """
     departure = departure or Departure()
-    if soc is None:
-        soc = 1.0 if departure.soc is None else departure.soc
+    given = departure.soc if soc is None else soc
+    soc = 1.0 if given is None else given
     start = require_fraction("soc", soc)
     spare = max(start - require_fraction("reserve", reserve), 0.0)
     own_model = for_car(model, vehicle)
@@ -537,4 +541,5 @@ def range_km(
     of_kind = range_by(forecaster_of(kind))
     by_kind = {name: range_by(forecaster_of(name)) for name in (*KINDS, UNKNOWN)}
     flags, doubt = forecaster_of(kind).flags_and_doubt(max(of_kind.range_m, NODES_M[0]))
+    flags = flags if given is not None else (Flag("soc_assumed", "soc", soc, "1"), *flags)
     return Range(**asdict(of_kind), by_kind=by_kind, flags=flags, soc=start, reserve=reserve, doubt=doubt)

@@ -82,7 +82,7 @@ class Reach:
         }
 
 
-def find_reach(forecaster: RoadForecaster, start: Place, atlas: Atlas, *, reserve: float = 0.0) -> Reach:
+def find_reach(forecaster: RoadForecaster, start: Place, atlas: Atlas, *, reserve: float = 0.1) -> Reach:
     """Find the area of reach, with one road and one forecast for each of `_DIRECTIONS` directions.
 
     Roads lead to places beyond the reach of the car: at the edge of an isochrone, or of a circle if the router has no isochrones.

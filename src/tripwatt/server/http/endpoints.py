@@ -129,7 +129,7 @@ _add_job(journeys, "/v1/journeys/advice", "journey_advice", journey.AdviceRespon
 _add_job(journeys, "/v1/reachable", "reach", journey.ReachResponse)
 
 
-@journeys.get("/v1/need", response_model=journey.NeedAnswer)
+@journeys.get("/v1/need", response_model=journey.NeedResponse)
 async def get_need(call: Called, query: NeedQuery) -> Response:
     """Return what some kilometres or a usual trip need, without a road; without either, what the next trip of a car on the road needs."""
     if query.distance_km is None and query.trip is None and query.car is not None:

@@ -12,7 +12,7 @@ from pydantic import AwareDatetime, Field
 
 from tripwatt.errors import Check, InvalidInput, places_named, places_within
 from tripwatt.fleet.model import COLD_DEGC, FleetModel
-from tripwatt.fleet.nights import QUANTILE, PlannedTrip, needs_by_hour, night_document
+from tripwatt.fleet.nights import PlannedTrip, needs_by_hour, night_document
 from tripwatt.fleet.registry import FollowedModel, Registry
 from tripwatt.forecasting import ForecastModel, load_metadata
 from tripwatt.roads.advice.preheating import PLUG_W
@@ -104,9 +104,9 @@ class NightRequest(schemas.StrictModel):
     model: str | None = Field(None, max_length=100)
     """a fleet of /v1/models; default: the first one"""
     trips: list[PlannedTripRequest] = Field(min_length=1, max_length=500)
-    quantile: float = Field(QUANTILE, ge=0.5, lt=1.0)
+    probability: float = Field(0.95, ge=0.5, le=0.999)
     """probability with which the energy of a trip suffices"""
-    reserve: float = schemas.reserve_field(0.0)
+    reserve: float = schemas.reserve_field()
     plug_w: float = Field(PLUG_W, gt=0.0, le=400_000.0)
     """power of a charger [W]"""
     begins_at: AwareDatetime | None = Field(None, strict=False)
@@ -127,7 +127,7 @@ class HourNeed(schemas.ResponseModel):
     energy_wh: float | None
     """median [Wh]"""
     energy_quantile_wh: float | None
-    """not exceeded with the probability `quantile` [Wh]"""
+    """not exceeded with `probability` [Wh]"""
     soc_needed: float | None
     """displayed charge to leave with for this hour and the later ones, without charging in between; above 1: more than a full battery"""
     soc: float | None
@@ -169,6 +169,7 @@ def night(fleets: Mapping[str, FollowedModel], request: NightRequest) -> dict[st
         trips = [check(trip.planned, number) for number, trip in enumerate(request.trips)]
     places = {f"trips[{k}].vehicle_id": f"trips[{k}].car" for k in range(len(trips))}
     with places_named(places):
-        needs = needs_by_hour(fleets[name].get(), trips, quantile=request.quantile, reserve=request.reserve)
+        asked = request.model_dump(include={"probability", "reserve"})
+        needs = needs_by_hour(fleets[name].get(), trips, **asked)
     document = night_document(needs, request.begins_at or dt.datetime.now(dt.UTC), request.plug_w)
     return document | {"needs": [{"car": row.pop("vehicle_id"), **row} for row in document["needs"]]}

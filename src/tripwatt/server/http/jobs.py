@@ -16,11 +16,11 @@ from tripwatt.certification import describe_car
 from tripwatt.errors import Fault, InvalidInput, places_named
 from tripwatt.fleet.registry import FollowedModel
 from tripwatt.forecasting import Forecast, ForecastModel, load_model
-from tripwatt.forecasting.leaving import leave_with, soc_needed
+from tripwatt.forecasting.leaving import leave_with
 from tripwatt.forecasting.storage import DEFAULT_MODEL
 from tripwatt.population.cars import for_car
 from tripwatt.roads.advice import advise
-from tripwatt.roads.advice.preheating import before_departure, charging_flags, need_before_departure
+from tripwatt.roads.advice.preheating import need_before_departure
 from tripwatt.roads.journey import range_km
 from tripwatt.server.cars.documents import require_plausible
 from tripwatt.server.cars.plan import usual_plan
@@ -192,25 +192,19 @@ class Jobs:
     def advice(self, request: AdviceRequest) -> dict[str, Any]:
         """Return what to do about a trip: the least that helps, and what each action saves."""
         forecast, now = self._make_forecast(request), dt.datetime.now(dt.UTC)
-        return advise(forecast, reserve=request.reserve, chance=request.chance, now=now).to_dict()
+        return advise(forecast, reserve=request.reserve, probability=request.probability, now=now).to_dict()
 
     def need(
         self, request: ForecastRequest, options: Mapping[str, Any], last_message: Mapping[str, Any]
     ) -> dict[str, Any]:
-        """Return what a `ForecastRequest` needs with the probability of `options`: energy, charge, and what to do until then."""
-        forecast = self._make_forecast(request, last_message)
-        needed = {
-            "expected_wh": forecast.energy_wh,
-            "energy_quantile_wh": forecast.quantile(options["probability"]),
-            "soc_needed": soc_needed(forecast, request.reserve, options["probability"]),
-            "wh_per_display": forecast.charge.wh_per_display,
+        """Return what the next trip of a car on the road needs, as `NeedResponse`; `request` is its plan."""
+        plan, departs_at = self._plan(request), dt.datetime.fromtimestamp(options["departure_s"], dt.UTC)
+        departure = replace(plan.departure.merge(departure_of(request)), departs_at=departs_at)
+        asked = {name: options[name] for name in ("probability", "plug_w", "soc")} | {
+            "reserve": request.reserve
         }
-        require_plausible(*needed.values())
-        departs_at = dt.datetime.fromtimestamp(options["departure_s"], dt.UTC)
-        asked = needed["soc_needed"], request.reserve, options["probability"]
-        until = before_departure(forecast, *asked, options["plug_w"], options["soc"], departs_at)
-        flags = [flag_to_dict(flag) for flag in (*forecast.flags, *charging_flags(forecast, until))]
-        return {"reserve": request.reserve, **needed, **until, "flags": flags}
+        about = {"car": last_message["car"], "usual_trip": options["usual_trip"]}
+        return _needed(plan, "trip", departure, last_message, about, model=self.model_of(request), **asked)
 
     def plan(self, request: journey.PlanRequest) -> dict[str, Any]:
         """Plan a journey: roads, their forecasts, the charge to leave with, a charging stop."""
@@ -241,19 +235,12 @@ class Jobs:
                 got, allowed = "a trip without its car", "the car that drove the trip"
                 raise InvalidInput.of("car is missing", "car", got, allowed)
             ahead = usual_plan(self.cars.car(request.car), request.trip)
-        model = self._model_of_query(request)
-        departure, flags = _with_last_message(departure_of(request), last_message, model.vehicle)
-        needed, until = need_before_departure(
-            ahead,
-            request.kind,
-            departure,
-            request.plug_w,
-            model=model,
-            quantile=request.quantile,
-            trips=request.trips,
-            reserve=request.reserve or 0.0,
-        )
-        return replace(needed, flags=(*flags, *needed.flags)).to_dict() | until
+        asked = request.model_dump(include={"probability", "trips", "reserve", "plug_w"})
+        is_own = request.car is not None and self.cars.model(request.car) is not None
+        own = request.car if is_own else (last_message or {}).get("car")
+        about = {"usual_trip": request.trip} | ({} if own is None else {"car": own})
+        asked["model"] = self._model_of_query(request)
+        return _needed(ahead, request.kind, departure_of(request), last_message, about, **asked)
 
     def range(
         self, request: journey.RangeQuery, last_message: Mapping[str, Any] | None = None
@@ -261,7 +248,7 @@ class Jobs:
         """Return the response to a `RangeQuery`."""
         model = self._model_of_query(request)
         departure, flags = _with_last_message(departure_of(request), last_message, model.vehicle)
-        range_ = range_km(None, request.kind, departure, reserve=request.reserve or 0.0, model=model)
+        range_ = range_km(None, request.kind, departure, reserve=request.reserve, model=model)
         return replace(range_, flags=(*flags, *range_.flags)).to_dict()
 
     def _model_of_query(self, request: journey.RangeQuery) -> ForecastModel:
@@ -410,6 +397,21 @@ def require_finite(forecast: Mapping[str, Any]) -> dict[str, Any]:
     by_name = (forecast[name].values() for name in ("quantiles_wh", "p_arrive_by_soc"))
     require_plausible(*(sum(values) for values in (scalars, *by_name, *forecast["series"].values())))
     return dict(forecast)
+
+
+def _needed(
+    ahead: Any,
+    kind: str,
+    departure: Departure,
+    last_message: Mapping[str, Any] | None,
+    about: dict[str, Any],
+    **asked: Any,
+) -> dict[str, Any]:
+    """Return the `NeedResponse` of a distance or a trip; `asked` are further arguments of `need_before_departure`."""
+    departure, flags = _with_last_message(departure, last_message, asked["model"].vehicle)
+    needed, document = need_before_departure(ahead, kind, departure, **asked)
+    require_plausible(needed.energy_wh, needed.energy_quantile_wh, needed.soc_needed)
+    return {**document, **about, "flags": [*map(flag_to_dict, flags), *document["flags"]]}
 
 
 def _with_charge(request: Any, last_message: Mapping[str, Any]) -> Any:

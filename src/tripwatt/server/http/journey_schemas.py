@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from pydantic import ConfigDict, Field, RootModel
+from pydantic import ConfigDict, Field
 
 from tripwatt.forecasting.document import FlagDocument, ForecastResponse
 from tripwatt.roads.advice.preheating import PLUG_W
@@ -99,7 +99,7 @@ class AdviceResponse(schemas.ResponseModel):
     """What to do about a trip."""
 
     reserve: float
-    chance: float
+    probability: float
     p_arrive: float
     """chance to arrive with the reserve, of the trip as it is"""
     soc_arrival: float
@@ -131,39 +131,6 @@ class PreheatDocument(schemas.ResponseModel):
     """what the battery gives less, preheating and trip together [Wh]"""
 
 
-class NeedOfTrip(schemas.ResponseModel):
-    """What a trip needs, and what to do until its departure."""
-
-    car: str
-    """title of the car"""
-    reserve: float
-    """displayed state of charge to arrive with"""
-    energy_quantile_wh: float
-    """not exceeded with the probability that was asked for [Wh]"""
-    soc_needed: float
-    """displayed state of charge that suffices with that probability, `reserve` left; above 1: a full battery does not suffice; 0: any charge does"""
-    message: str
-    """`soc_needed` as an English sentence"""
-    flags: list[FlagDocument]
-    """what was assumed, such as an outside temperature of the car's last message"""
-    target_soc: float
-    """displayed state of charge to leave with, at most 1"""
-    departs_at: str | None
-    """by when: the time of departure"""
-    soc: float | None
-    """displayed state of charge now: that of the request or of the last messages; null where unknown or on a trip"""
-    charge_wh: float | None
-    """energy that is missing in the battery, up to a full one [Wh]"""
-    wall_wh: float | None
-    """the same from the wall [Wh]"""
-    charging_w: float | None
-    """highest power from the wall: the smaller of those of plug and car [W]; null off the plug"""
-    charging_s: float | None
-    """time that it takes, with less power for an almost full battery [s]; null off the plug"""
-    preheat: PreheatDocument | None
-    """null where it is not worth it, as off the plug"""
-
-
 class PlaceRequest(schemas.StrictModel):
     """A place by its coordinates."""
 
@@ -188,7 +155,7 @@ class PlanRequest(JourneyCar):
     """A journey: places in their order, the car, and what is known at departure."""
 
     stops: list[Stop] = Field(min_length=2, max_length=20)
-    reserve: float = schemas.reserve_field(0.1)
+    reserve: float = schemas.reserve_field()
     alternatives: int = Field(0, ge=0, le=3)
     """other roads beside the fastest"""
     round_trip: bool = False
@@ -208,9 +175,9 @@ class PlanRequest(JourneyCar):
 
 
 class JourneyAdviceRequest(PlanRequest):
-    """A journey, and the chance to arrive that is asked for."""
+    """A journey, and the probability to arrive that is asked for."""
 
-    chance: float = Field(0.95, ge=0.5, le=0.999)
+    probability: float = Field(0.95, ge=0.5, le=0.999)
     """to arrive with the reserve"""
 
 
@@ -227,7 +194,7 @@ class ReachRequest(JourneyCar):
     """A start, the car, and what is known at departure."""
 
     start: Stop
-    reserve: float = schemas.reserve_field(0.0)
+    reserve: float = schemas.reserve_field()
 
 
 class RangeQuery(schemas.DepartureRequest):
@@ -242,8 +209,8 @@ class RangeQuery(schemas.DepartureRequest):
     """as in POST /v1/forecast, figures as JSON; `need` without a distance or trip: one of /v1/cars"""
     model: str | None = Field(None, max_length=100)
     """one of /v1/models; default: that of the car if it learns, or else the first one"""
-    reserve: float | None = Field(None, ge=0.0, le=1.0)
-    """displayed state of charge to keep; default: 0; of the next trip of a car on the road, that of its plan"""
+    reserve: float = schemas.reserve_field()
+    """displayed state of charge to keep; of the next trip of a car on the road, by default that of its plan"""
 
 
 class NeedQuery(RangeQuery):
@@ -253,51 +220,61 @@ class NeedQuery(RangeQuery):
     """distance [km]"""
     trip: str | None = Field(None, max_length=200)
     """a trip that `car` drove before, in place of the distance"""
-    quantile: float = Field(0.95, ge=0.5, lt=1.0)
-    """probability with which the energy suffices"""
+    probability: float = Field(0.95, ge=0.5, le=0.999)
+    """with which energy and charge suffice"""
     trips: int = Field(1, ge=1, le=100)
     """equal trips ahead"""
-    probability: float = Field(0.9, ge=0.5, le=0.99)
-    """with which the charge suffices, for the next trip of a car on the road"""
     plug_w: float = Field(PLUG_W, ge=0.0, le=400_000.0)
     """power of the plug at home [W]; 0: the car is not plugged in"""
 
 
-class DistanceNeed(NeedOfTrip):
-    """What some kilometres need, without a road, as `tripwatt need --json` prints it."""
+class NeedResponse(schemas.ResponseModel):
+    """What a distance or a trip needs, and what to do until its departure, as `tripwatt need --json` prints it."""
 
+    car: str
+    """its name"""
+    title: str
     distance_m: float
     kind: str
-    """kind of road; "trip" for a known trip"""
+    """kind of road; "trip" for the plan of a car and for a usual trip"""
+    usual_trip: str | None
+    """name of the earlier trip whose road this is"""
     energy_wh: float
     """median [Wh]"""
-    quantile: float
-    """probability that was asked for"""
+    probability: float
+    """with which energy and charge suffice"""
+    energy_quantile_wh: float
+    """not exceeded with `probability` [Wh]"""
     half_wh: tuple[float, float]
     """ends of the middle half [Wh]"""
     interval_wh: tuple[float, float]
     """ends of the central 90 % [Wh]"""
     duration_s: float
     doubt: Doubt
-
-
-class NeedResponse(NeedOfTrip):
-    """What the next trip of a car needs, for charge planning."""
-
-    plan: Literal["given", "usual"]
-    """the plan that was given, or the road of an earlier trip that began at about this time of day"""
-    usual_trip: str | None
-    """name of that trip"""
-    probability: float
-    """with which energy and charge suffice"""
-    expected_wh: float
-    """expected energy of the trip [Wh]"""
-    wh_per_display: float
-    """energy of a whole display [Wh]"""
-
-
-class NeedAnswer(RootModel[DistanceNeed | NeedResponse]):
-    """What a distance or a usual trip needs; or what the next trip of a car on the road needs."""
+    reserve: float
+    """displayed state of charge to arrive with"""
+    soc_needed: float
+    """displayed state of charge that suffices with `probability`, `reserve` left; above 1: a full battery does not suffice; 0: any charge does"""
+    message: str
+    """`soc_needed` as an English sentence"""
+    flags: list[FlagDocument]
+    """what was assumed, such as an outside temperature of the car's last message"""
+    target_soc: float
+    """displayed state of charge to leave with, at most 1"""
+    departs_at: str | None
+    """by when: the time of departure"""
+    soc: float | None
+    """displayed state of charge now: that of the request or of the last messages; null where unknown or on a trip"""
+    charge_wh: float | None
+    """energy that is missing in the battery, up to a full one [Wh]"""
+    wall_wh: float | None
+    """the same from the wall [Wh]"""
+    charging_w: float | None
+    """highest power from the wall: the smaller of those of plug and car [W]; null off the plug"""
+    charging_s: float | None
+    """time that it takes, with less power for an almost full battery [s]; null off the plug"""
+    preheat: PreheatDocument | None
+    """null where it is not worth it, as off the plug"""
 
 
 class FarDocument(schemas.ResponseModel):

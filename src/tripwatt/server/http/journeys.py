@@ -64,7 +64,7 @@ class JourneyJobs:
         """Return the response to a `JourneyAdviceRequest`: what to do on the fastest road, with its stops to charge."""
         journey, now = self._journey(request, model), dt.datetime.now(dt.UTC)
         later = leaving_later(self._forecaster(request, model), journey.roads[0].road, now)
-        required = request.model_dump(include={"reserve", "chance"})
+        required = request.model_dump(include={"reserve", "probability"})
         return advise(journey, **required, others=later, now=now).to_dict()
 
     def _forecaster(self, request: asked.JourneyCar, model: ForecastModel) -> RoadForecaster:

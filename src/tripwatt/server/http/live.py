@@ -11,7 +11,6 @@ import contextlib
 import time
 from collections.abc import AsyncIterator, Awaitable, Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import replace
 from functools import cached_property, partial
 from hmac import compare_digest
 from pathlib import Path
@@ -313,27 +312,14 @@ class LiveCars:
         plan = await self.run(car.plan_at, departure_s)
         if plan is None:
             raise Problem("no-plan", "no plan, and no earlier trip at this time of day")
-        changed = query.model_dump(include={"reserve", "ambient_temperature_degc"}, exclude_none=True)
+        changed = query.model_dump(include={"reserve", "ambient_temperature_degc"}, exclude_unset=True)
         job = await self._job_about(car, {**plan.request, **changed})
-        job["last_message"]["soc"] = None  # only the charge of the plan counts
-        options = {
-            "probability": query.probability,
-            "departure_s": departure_s,
-            "plug_w": query.plug_w,
-            "soc": await self.run(car.shown_soc) if car.trip is None else None,
-        }
+        # only the charge of the plan is that of the departure
+        soc, job["last_message"]["soc"] = job["last_message"]["soc"], None
+        options = query.model_dump(include={"probability", "plug_w"}) | {"departure_s": departure_s}
+        options |= {"usual_trip": plan.usual_trip, "soc": None if car.trip is not None else soc}
         body = job.pop("body")
-        result = await self.pool.run({"kind": "need", "options": options, **job}, body)
-        if result.status != 200:
-            return result
-        needed = {
-            "car": car.name,
-            "plan": "given" if plan.usual_trip is None else "usual",
-            "usual_trip": plan.usual_trip,
-            "probability": query.probability,
-            **orjson.loads(result.content),
-        }
-        return replace(result, content=orjson.dumps(needed))
+        return await self.pool.run({"kind": "need", "options": options, **job}, body)
 
     async def _job_about(self, car: Car, request: Mapping[str, Any]) -> dict[str, Any]:
         """Return the parameters of a job about a car: `body` is the request with the own model, `last_message` what the last messages show."""

@@ -243,14 +243,14 @@ Links = Annotated[Any, _checked_by(parse_links, Annotated[list[Link], Field(min_
 """Fields whose values are checked as whole tables, not one object at a time; a checked request has a table and a `LinkRoute`."""
 
 
-def reserve_field(default: float) -> Any:
+def reserve_field() -> Any:
     """Return the field `reserve`; null stands for its default."""
 
     def or_null(schema: dict[str, Any]) -> None:
         number = {name: schema.pop(name) for name in ("type", "minimum", "maximum")}
         schema["anyOf"] = [number, {"type": "null"}]
 
-    return _number_field(QUANTITIES, "reserve", default, json_schema_extra=or_null)
+    return _number_field(QUANTITIES, "reserve", 0.1, json_schema_extra=or_null)
 
 
 class StrictModel(BaseModel):
@@ -384,7 +384,7 @@ class ForecastRequest(DepartureRequest, CarRequest):
     samples: Samples | None = None
     links: Links | None = None
     elevation: Elevation | None = None
-    reserve: float = reserve_field(0.1)
+    reserve: float = reserve_field()
     probability: float | None = Field(None, ge=0.5, le=0.999)
     """with which the trip has to arrive with the reserve: the response has the charge to leave with; default: none is worked out"""
 
@@ -396,9 +396,9 @@ class UpdateRequest(ForecastRequest):
 
 
 class AdviceRequest(ForecastRequest):
-    """A trip to come, and the chance to arrive that is asked for."""
+    """A trip to come, and the probability to arrive that is asked for."""
 
-    chance: float = Field(0.95, ge=0.5, le=0.999)
+    probability: float = Field(0.95, ge=0.5, le=0.999)
     """to arrive with the reserve"""
 
 

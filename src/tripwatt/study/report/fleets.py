@@ -111,7 +111,7 @@ class ManagerReport:
 
     Attributes
     ----------
-    quantile : float
+    probability : float
         Probability that the stated need suffices.
     changes, vehicles : DataFrame
         From `changes` and `deviations`.
@@ -127,7 +127,7 @@ class ManagerReport:
         Facts for the head of the report, such as the version of the model.
     """
 
-    quantile: float
+    probability: float
     changes: pd.DataFrame
     vehicles: pd.DataFrame
     drivers: pd.DataFrame | None = None
@@ -139,8 +139,8 @@ class ManagerReport:
 
     @classmethod
     def of(
-        cls, about: Mapping[str, str], model: FleetModel, rows: TripRows, planned: Sequence[nights.PlannedTrip] = (), *, quantile: float = nights.QUANTILE,
-        reserve: float = 0.0, drivers: bool = False, coldest_degc: float | None = None,
+        cls, about: Mapping[str, str], model: FleetModel, rows: TripRows, planned: Sequence[nights.PlannedTrip] = (), *, probability: float = 0.95,
+        reserve: float = 0.1, drivers: bool = False, coldest_degc: float | None = None,
     ) -> ManagerReport:  # fmt: skip
         """Build the report on the trips of a fleet.
 
@@ -152,14 +152,14 @@ class ManagerReport:
         rows : TripRows
             Rows of the trips that the model was fitted to.
         planned : sequence of PlannedTrip
-        quantile, reserve : float
+        probability, reserve : float
             As for `needs_by_hour`.
         drivers : bool
             Whether to compare the drivers.
         coldest_degc : float, optional
             Outside temperature instead of that of the coldest week [°C].
         """
-        settings = {"quantile": quantile, "reserve": reserve}
+        settings = {"probability": probability, "reserve": reserve}
         vehicles, changed = deviations(model.posterior, rows), changes(model.posterior, rows)
         cold = nights.coldest_week(rows) if coldest_degc is None else nights.Cold(coldest_degc)
         compared = deviations(model.posterior, rows, drivers=True) if drivers else None
@@ -174,7 +174,7 @@ class ManagerReport:
         if planned and cold is not None:
             routes = nights.needs_by_car(model, planned, cold.ambient_temperature_degc, **settings)
         return cls(
-            quantile=quantile,
+            probability=probability,
             changes=changed,
             vehicles=vehicles,
             drivers=None if compared is None or compared.empty else compared,
@@ -218,11 +218,11 @@ class ManagerReport:
         yield Panel("changes", "Vehicles that changed", caption, tables=tables)
         if self.needs is not None:
             notes = Table("What the needs assume and their limits", ("note",), tuple(zip(self.notes)))
-            tables = needs_table(self.needs, self.quantile), notes
-            caption = _describe_needs(self.needs, self.quantile)
+            tables = needs_table(self.needs, self.probability), notes
+            caption = _describe_needs(self.needs, self.probability)
             yield Panel("needs", "What the planned trips need", caption, tables=tables)
         if self.routes is not None and self.cold is not None:
-            caption = describe_routes(self.routes, self.quantile, self.cold)
+            caption = describe_routes(self.routes, self.probability, self.cold)
             yield Panel("routes", "Cars for the planned routes", caption, tables=(routes_table(self.routes),))
         for key, title in (("vehicles", "Vehicles beside others"), ("drivers", "Drivers beside others")):
             if key in self.tables:
@@ -235,7 +235,7 @@ class ManagerReport:
         Files of an earlier report that this report does not have are removed. `at` and `charger_w` are those of
         `emhass`.
         """
-        document: dict[str, Any] = {"about": {**self.about}, "quantile": self.quantile}
+        document: dict[str, Any] = {"about": {**self.about}, "probability": self.probability}
         document["refused"] = [fault.texts for fault in self.refused]
         document["coldest_week"] = self.cold and self.cold._asdict()
         document |= {name: nights.records(table) for name, table in self.tables.items()}
@@ -306,12 +306,12 @@ def _with_sd(name: str, row: Mapping[str, Any]) -> str:
     return f"{100.0 * row[name]:+.1f}\u00a0±\u00a0{100.0 * row['sd']:.1f}".replace("-", "−")
 
 
-def _describe_needs(needs: pd.DataFrame, quantile: float) -> str:
+def _describe_needs(needs: pd.DataFrame, probability: float) -> str:
     """Say how much energy the planned trips need, and how much has to be charged."""
     kwh = needs[["energy_quantile_wh", "charge_wh"]].sum() / 1000.0
     full = int((needs["soc_needed"] > 1.0).groupby(needs["vehicle_id"]).any().sum())
     return (
-        f"Planned trips: {needs['trips'].sum()}. If each gets what suffices with {percent(quantile, 0)}, they need {kwh.iloc[0]:.0f} kWh. To be charged, for "
+        f"Planned trips: {needs['trips'].sum()}. If each gets what suffices with {percent(probability, 0)}, they need {kwh.iloc[0]:.0f} kWh. To be charged, for "
         f"departures of vehicles whose charge now is known ({needs['charge_wh'].count()} of {len(needs)}): {kwh.iloc[1]:.0f} kWh. Vehicles that have to charge between or on "
         f"their trips, because a full battery does not suffice for all of them: {full}. What to leave with counts without "
         "charging between the trips; what to charge is the part of each hour. A vehicle that charges between its trips has a load for each part in emhass.json, and "
@@ -319,7 +319,7 @@ def _describe_needs(needs: pd.DataFrame, quantile: float) -> str:
     )
 
 
-def needs_table(needs: pd.DataFrame, quantile: float) -> Table:
+def needs_table(needs: pd.DataFrame, probability: float) -> Table:
     """Tabulate needs by vehicle and hour of departure; first rows with something to charge or a need of more than a full battery."""
     urgent = (needs["charge_wh"] > 0.0) | (needs["soc_needed"] > 1.0)
     return make_table(
@@ -330,14 +330,14 @@ def needs_table(needs: pd.DataFrame, quantile: float) -> Table:
         in_kwh("to charge [kWh]", "charge_wh", 1),
         in_percent("charge now [%]", "soc", 0),
         in_words("first departure", lambda row: f"{row['departs_at']:%Y-%m-%d %H:%M}"),
-        in_kwh(f"suffices with {percent(quantile, 0)} [kWh]", "energy_quantile_wh", 1),
+        in_kwh(f"suffices with {percent(probability, 0)} [kWh]", "energy_quantile_wh", 1),
         in_kwh("energy, median [kWh]", "energy_wh", 1),
         Column("trips", "trips", digits=0),
         Column("distance [km]", "distance_m", 1e-3, 0),
     )
 
 
-def describe_routes(routes: pd.DataFrame, quantile: float, cold: nights.Cold) -> str:
+def describe_routes(routes: pd.DataFrame, probability: float, cold: nights.Cold) -> str:
     """Say how many routes all car models can drive, how many only some, and how many none."""
     share = (routes.iloc[:, 1:] <= 1.0).mean(axis=1)  # of the car models that can drive a route
     by_all, by_none = int((share == 1.0).sum()), int((share == 0.0).sum())
@@ -347,7 +347,7 @@ def describe_routes(routes: pd.DataFrame, quantile: float, cold: nights.Cold) ->
     colder = ", ".join(f"{day} ({number(degc, 1.0, 0)} °C, {n} trips)" for day, degc, n in cold.colder)
     return (
         f"{when[0].upper()}{when[1:]}, a full battery of every car model suffices for {by_all} of {len(share)} routes with "
-        f"{percent(quantile, 0)}; {len(share) - by_all - by_none} more with some of the car models, {by_none} with none of them. "
+        f"{percent(probability, 0)}; {len(share) - by_all - by_none} more with some of the car models, {by_none} with none of them. "
         "The columns have the displayed charge [%] that suffices with each car model, whichever vehicle it is; a dash is more than a full battery."
         + (f" Colder weeks with fewer trips do not count: {colder}." if colder else "")
     )
