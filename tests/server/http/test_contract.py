@@ -52,11 +52,10 @@ def test_no_schema_has_what_generators_stumble_over(document: dict[str, Any]) ->
         assert not ({"oneOf", "anyOf", "allOf"} & schema.keys() and "properties" in schema)
 
 
+ROADS = ("AdviceRequest", "ForecastRequest", "LivePlanRequest", "PlannedTripRequest", "UpdateRequest")
 UNBOUNDED = {
-    *(f"{name}.links" for name in ("AdviceRequest", "ForecastRequest", "LivePlanRequest", "UpdateRequest")),
-    *(f"{name}.samples" for name in ("AdviceRequest", "ForecastRequest", "LivePlanRequest", "UpdateRequest")),
-    *("PlannedTripRequest.links", "UpdateRequest.observed", "Elevation.position_m", "Elevation.elevation_m"),
-    "TelemetryRequest.tlm",
+    *(f"{name}.{field}" for name in ROADS for field in ("links", "samples", "route")),
+    *("UpdateRequest.observed", "Elevation.position_m", "Elevation.elevation_m", "TelemetryRequest.tlm"),
 }
 """Fields that are bounded as whole tables by `Limits`, and the message of a car, which has at most 64 kB."""
 

@@ -11,6 +11,7 @@ import numpy as np
 
 from tripwatt.arrays import BoolArray
 from tripwatt.forecasting import Forecast, ForecastModel
+from tripwatt.forecasting.forecast import Forecaster
 from tripwatt.physics import simulate_trip
 from tripwatt.roads.maps import KnownHeights
 from tripwatt.roads.routers import Road
@@ -46,8 +47,6 @@ class RoadForecaster:
     >>> line = np.array([0.0, 3000.0])
     >>> road = Road(links, ("primary",), np.array([47.0, 47.027]), np.array([9.0, 9.0]), line)
     >>> forecaster = RoadForecaster(tw.load_model("bmw_i3_tum"), Departure(soc=0.8))
-    >>> forecaster.with_expected_times(road).distance_m
-    3000.0
     >>> plan, weather = forecaster.plan(road, "there")
     >>> plan.trip_id, weather, forecaster.forecast_plan(plan).energy_wh == forecaster.forecast(road).energy_wh
     ('there', (), True)
@@ -115,7 +114,7 @@ class RoadForecaster:
         InvalidInput
             As in the source of weather.
         """
-        road = self.with_expected_times(road)
+        road = with_expected_times(road, self.model)
         departure = replace(self.departure, **changed)
         plan = road.plan(trip_id).with_departure(departure)
         if not plan.has_road and departure.terrain is None and self.heights is not None:
@@ -125,24 +124,6 @@ class RoadForecaster:
             return self.change(plan), ()
         position, weather = weather_along(road, self.weather, self.departs_at)
         return self.change(plan_with_weather(plan, road, position, weather)), weather
-
-    def with_expected_times(self, road: Road) -> Road:
-        """Replace free-flow travel times by expected ones, if the model has factors for them.
-
-        Parameters
-        ----------
-        road : Road
-            Road from a router.
-
-        Returns
-        -------
-        Road
-            Road with expected travel times. The road is unchanged if its travel times are not of free flow, or the model has no factors.
-        """
-        uncertainty = self.model.uncertainty_
-        if not road.links.free_flow or uncertainty is None or uncertainty.free_flow is None:
-            return road
-        return road.with_links(uncertainty.free_flow.factors.with_expected_times(road.links))
 
     def forecast_plan(self, plan: Plan, weather: tuple[Weather, ...] = ()) -> Forecast:
         """Forecast the energy of a plan; the error of the weather is part of the standard deviation.
@@ -178,6 +159,24 @@ class RoadForecaster:
         base_wh = forecast.drive.simulation.simulated_energy_wh
         changed_wh = [simulate_trip(self.model.vehicle, other).simulated_energy_wh for other in changed]
         return float(np.linalg.norm([wh - base_wh for wh in changed_wh]))
+
+
+def with_expected_times(road: Road, model: Forecaster | None) -> Road:
+    """Return a road with expected travel times in place of those of free flow; unchanged if it has no such times, or the model no factors.
+
+    Examples
+    --------
+    >>> import tripwatt as tw
+    >>> from tripwatt.routes import route_from_links
+    >>> links = route_from_links([{"length_m": 3000.0, "travel_time_s": 240.0}])
+    >>> road = Road(links, ("primary",), np.zeros(2), np.array([0.0, 0.027]), np.array([0.0, 3000.0]))
+    >>> with_expected_times(road, tw.load_model()).distance_m
+    3000.0
+    """
+    uncertainty = getattr(model, "uncertainty_", None)
+    if not road.links.free_flow or uncertainty is None or uncertainty.free_flow is None:
+        return road
+    return road.with_links(uncertainty.free_flow.factors.with_expected_times(road.links))
 
 
 def cap_motorway_speed(road: Road, speed_m_s: float) -> Road:

@@ -18,11 +18,17 @@ from tripwatt.population import for_car
 from tripwatt.roads.journey.atlas import Atlas, AtlasSettings, open_atlas
 from tripwatt.roads.journey.charging import OVERHEAD_S, WARM_DEGC, ChargingCurve, plugs_of
 from tripwatt.roads.journey.corridor import CERTAIN, LEG_FIELDS, STATION_KIND, Corridor, StopRules
-from tripwatt.roads.journey.forecasting import RoadForecaster, cap_motorway_speed, is_motorway
+from tripwatt.roads.journey.forecasting import (
+    RoadForecaster,
+    cap_motorway_speed,
+    is_motorway,
+    with_expected_times,
+)
 from tripwatt.roads.journey.plans import BEST_EFFORT, fastest_plan, find_plans
 from tripwatt.roads.journey.stops import ENERGY_BAND, LINE_DIGITS, ChargingPlan, Leg, with_stops
 from tripwatt.roads.journey.verdict import Advice, Verdict
 from tripwatt.roads.routers import Road
+from tripwatt.routes.link_objects import fields_of_route
 from tripwatt.routes.places import Place
 from tripwatt.trips import Departure, Flag, raise_faults
 from tripwatt.trips.columns import Column, number_faults, scalar_faults
@@ -200,11 +206,8 @@ class RoadForecast:
             "whole": self.whole(reserve).in_short,
             "charging": self.charging and self.charging.to_dict(),
             "line": {name: np.round(getattr(road, name), k).tolist() for name, k in LINE_DIGITS.items()},
-            "links": {
-                "length_m": road.links.length_m.tolist(),
-                "travel_time_s": road.links.travel_time_s.tolist(),
-                "road_class": list(road.road_class),
-            },
+            **fields_of_route(with_expected_times(road, self.forecast.model).links),
+            "road_class": list(road.road_class),
             "stops": [
                 {"position_m": position, "displayed_soc": self.soc_at(position)}
                 for position in road.stop_position_m

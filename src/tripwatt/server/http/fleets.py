@@ -17,6 +17,7 @@ from tripwatt.fleet.registry import FollowedModel, Registry
 from tripwatt.forecasting import ForecastModel, load_metadata
 from tripwatt.roads.advice.preheating import PLUG_W
 from tripwatt.server.http import schemas
+from tripwatt.server.http.settings import Limits
 from tripwatt.vehicles import load_vehicle
 
 
@@ -67,8 +68,8 @@ def vehicle_model(fleet: FleetModel, request: schemas.CarRequest) -> ForecastMod
     return fleet.of_vehicle(car if new is None else None, car_model=new, driver=request.driver, cold=cold)
 
 
-class PlannedTripRequest(schemas.DepartureRequest):
-    """A trip that a vehicle of a fleet is to drive: its distance and kind of road, or its `links`; `soc` is the charge now."""
+class PlannedTripRequest(schemas.RoadRequest, schemas.DepartureRequest):
+    """A trip that a vehicle of a fleet is to drive: its distance and kind of road, or its road; `soc` is the charge now."""
 
     car: str = Field(min_length=1, max_length=100)
     """vehicle of the fleet, or a new name"""
@@ -78,20 +79,20 @@ class PlannedTripRequest(schemas.DepartureRequest):
     distance_km: float | None = Field(None, ge=0.5, le=2000.0)
     kind: Literal["city", "country", "motorway", "mixed"] = "mixed"
     """kind of road of a distance; mixed: nothing is known of it"""
-    links: schemas.Links | None = None
     car_model: str | None = Field(None, max_length=100)
     """one of /v1/vehicles, for a vehicle without trips"""
     driver: str | None = Field(None, max_length=100)
     """who drives"""
 
-    def planned(self, number: int) -> PlannedTrip:
+    def planned(self, number: int, limits: Limits) -> PlannedTrip:
         """Return the planned trip; `number` is its position in the request, from 0."""
         where = f"trips[{number}]."
         with places_within(where):
-            if (self.distance_km is None) == (self.links is None):
-                got = "neither" if self.links is None else "both"
+            has_road = self.links is not None or self.samples is not None
+            if (self.distance_km is None) != has_road:
+                got = "both" if has_road else "neither"
                 raise InvalidInput.of("one of them is needed", "distance_km, links", got, "one of the two")
-            road: Any = self.distance_km if self.links is None else self.links.plan()
+            road: Any = self.plan(limits) if has_road else self.distance_km
         departure = schemas.departure_of(self)
         soc = float("nan") if departure.soc is None else departure.soc
         known = replace(departure, soc=None), soc, self.car_model, self.driver, where
@@ -154,7 +155,7 @@ class NightResponse(schemas.ResponseModel):
     """paths to post to evcc: the plan of each vehicle"""
 
 
-def night(fleets: Mapping[str, FollowedModel], request: NightRequest) -> dict[str, Any]:
+def night(fleets: Mapping[str, FollowedModel], request: NightRequest, limits: Limits) -> dict[str, Any]:
     """Return the response to a `NightRequest`.
 
     Raises
@@ -166,7 +167,7 @@ def night(fleets: Mapping[str, FollowedModel], request: NightRequest) -> dict[st
     if name not in fleets:
         raise InvalidInput.of("no fleet", "model", name or "none", ", ".join(fleets) or "serve a registry")
     with Check() as check:
-        trips = [check(trip.planned, number) for number, trip in enumerate(request.trips)]
+        trips = [check(trip.planned, number, limits) for number, trip in enumerate(request.trips)]
     places = {f"trips[{k}].vehicle_id": f"trips[{k}].car" for k in range(len(trips))}
     with places_named(places):
         asked = request.model_dump(include={"probability", "reserve"})

@@ -9,7 +9,6 @@ from operator import attrgetter
 from pathlib import Path
 from typing import Any, Final, get_type_hints
 
-import orjson
 from cachetools import LRUCache
 
 from tripwatt.certification import describe_car
@@ -37,7 +36,7 @@ from tripwatt.server.http.fleets import (
 )
 from tripwatt.server.http.journeys import JourneyJobs
 from tripwatt.server.http.library import describe_vehicle, example, example_summaries, vehicles
-from tripwatt.server.http.route_uploads import read_route
+from tripwatt.server.http.route_uploads import read_route, road_fields
 from tripwatt.server.http.schemas import (
     AdviceRequest,
     CarRequest,
@@ -48,7 +47,6 @@ from tripwatt.server.http.schemas import (
     check_request,
     departure_of,
     parse_json,
-    with_elevation,
 )
 from tripwatt.server.http.settings import Limits
 from tripwatt.sources.sample import sample_trips
@@ -177,9 +175,18 @@ class Jobs:
         """Return the response to the upload of a route."""
         return read_route(body, speed_m_s, self.limits)
 
+    def with_road(self, given: Mapping[str, Any]) -> dict[str, Any]:
+        """Return the fields of a request with the road of its `route` as `links` with `elevation`, or as `samples`."""
+        others = {name: value for name, value in given.items() if name not in ("route", "speed_m_s")}
+        return others | road_fields(given["route"], given.get("speed_m_s"), self.limits)
+
+    def road(self, body: bytes) -> dict[str, Any]:
+        """Return the fields of a request as `with_road`."""
+        return self.with_road(parse_json(body))
+
     def night(self, request: NightRequest) -> dict[str, Any]:
         """Return the response to a `NightRequest`."""
-        return night(self.fleets, request)
+        return night(self.fleets, request, self.limits)
 
     def difference(self, request: DifferenceRequest) -> dict[str, Any]:
         """Compare two trips of one car: what both share cancels, and the difference has an interval of its own."""
@@ -198,7 +205,10 @@ class Jobs:
         self, request: ForecastRequest, options: Mapping[str, Any], last_message: Mapping[str, Any]
     ) -> dict[str, Any]:
         """Return what the next trip of a car on the road needs, as `NeedResponse`; `request` is its plan."""
-        plan, departs_at = self._plan(request), dt.datetime.fromtimestamp(options["departure_s"], dt.UTC)
+        plan, departs_at = (
+            request.plan(self.limits),
+            dt.datetime.fromtimestamp(options["departure_s"], dt.UTC),
+        )
         departure = replace(plan.departure.merge(departure_of(request)), departs_at=departs_at)
         asked = {name: options[name] for name in ("probability", "plug_w", "soc")} | {
             "reserve": request.reserve
@@ -231,39 +241,30 @@ class Jobs:
             raise InvalidInput.of("one of them is needed", "distance_km, trip", got, allowed)
         ahead: Any = request.distance_km
         if request.trip is not None:
-            if request.car is None:
+            if request.named is None:
                 got, allowed = "a trip without its car", "the car that drove the trip"
                 raise InvalidInput.of("car is missing", "car", got, allowed)
-            ahead = usual_plan(self.cars.car(request.car), request.trip)
+            ahead = usual_plan(self.cars.car(request.named), request.trip)
         asked = request.model_dump(include={"probability", "trips", "reserve", "plug_w"})
-        is_own = request.car is not None and self.cars.model(request.car) is not None
-        own = request.car if is_own else (last_message or {}).get("car")
+        own = request.named if self.cars.model(request.named or "") else (last_message or {}).get("car")
         about = {"usual_trip": request.trip} | ({} if own is None else {"car": own})
-        asked["model"] = self._model_of_query(request)
+        asked["model"] = self.model_of(request)
         return _needed(ahead, request.kind, departure_of(request), last_message, about, **asked)
 
     def range(
         self, request: journey.RangeQuery, last_message: Mapping[str, Any] | None = None
     ) -> dict[str, Any]:
         """Return the response to a `RangeQuery`."""
-        model = self._model_of_query(request)
+        model = self.model_of(request)
         departure, flags = _with_last_message(departure_of(request), last_message, model.vehicle)
         range_ = range_km(None, request.kind, departure, reserve=request.reserve, model=model)
         return replace(range_, flags=(*flags, *range_.flags)).to_dict()
-
-    def _model_of_query(self, request: journey.RangeQuery) -> ForecastModel:
-        car: Any = request.car
-        try:
-            car = orjson.loads(car) if car is not None and car.startswith("{") else car
-        except orjson.JSONDecodeError as error:
-            raise InvalidInput.of("not JSON", "query.car", f"{error}"[:80], "a name or an object") from error
-        return self.model_named({"car": car, "model": request.model})
 
     def _make_forecast(
         self, request: ForecastRequest, last_message: Mapping[str, Any] | None = None
     ) -> Forecast:
         """Return the forecast of a request, updated with the observed samples of an `UpdateRequest`."""
-        plan, model = self._plan(request), self.model_of(request)
+        plan, model = request.plan(self.limits), self.model_of(request)
         known = plan.departure.merge(departure_of(request))
         departure, flags = _with_last_message(known, last_message, model.vehicle)
         forecast = model.forecast(replace(plan, trip_id=request.trip), departure)
@@ -338,17 +339,6 @@ class Jobs:
             self.require_known("car", request.car)
         car = request.car if isinstance(request.car, str) else describe(request.car)
         return self.cars.create(request.name, car)
-
-    def _plan(self, request: ForecastRequest) -> Plan:
-        samples, links = request.samples, request.links
-        if samples is not None and links is None:
-            return Plan.from_samples(samples, "samples")
-        if links is None or samples is not None:
-            got = "neither" if links is None else "both"
-            raise InvalidInput.of("no single trip", "samples, links", got, "either samples or links")
-        if request.elevation is not None:
-            links = with_elevation(links, request.elevation, self.limits)
-        return links.plan()
 
     examples = staticmethod(example_summaries)
     example = staticmethod(example)

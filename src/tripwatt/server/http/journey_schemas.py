@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
-from pydantic import ConfigDict, Field
+from pydantic import ConfigDict, Field, field_validator
+from pydantic_core import from_json
 
 from tripwatt.forecasting.document import FlagDocument, ForecastResponse
 from tripwatt.roads.advice.preheating import PLUG_W
@@ -197,20 +198,20 @@ class ReachRequest(JourneyCar):
     reserve: float = schemas.reserve_field()
 
 
-class RangeQuery(schemas.DepartureRequest):
-    """A charge, the kind of road and the car."""
+class RangeQuery(JourneyCar):
+    """A charge, the kind of road and the car, which may be figures as JSON."""
 
     model_config = ConfigDict(strict=False)  # values of a URL are texts
 
-    departs_at: schemas.Time | None = schemas.departure_field("departs_at", ASKED["departs_at"])[1]
     kind: Literal["city", "country", "motorway", "mixed"] = "mixed"
     """kind of road; mixed: nothing is known of it"""
-    car: str | None = Field(None, min_length=1, max_length=1000)
-    """as in POST /v1/forecast, figures as JSON; `need` without a distance or trip: one of /v1/cars"""
-    model: str | None = Field(None, max_length=100)
-    """one of /v1/models; default: that of the car if it learns, or else the first one"""
     reserve: float = schemas.reserve_field()
     """displayed state of charge to keep; of the next trip of a car on the road, by default that of its plan"""
+
+    @field_validator("car", mode="before")
+    @classmethod
+    def _parse_figures(cls, given: Any) -> Any:
+        return from_json(given) if isinstance(given, str) and given.startswith("{") else given
 
 
 class NeedQuery(RangeQuery):
@@ -336,14 +337,6 @@ class LineDocument(schemas.ResponseModel):
     """distance of each point from the start [m]"""
 
 
-class RoadLinks(schemas.ResponseModel):
-    """The links of a road; times are those of an empty road."""
-
-    length_m: list[float]
-    travel_time_s: list[float]
-    road_class: list[str]
-
-
 class StopDocument(schemas.ResponseModel):
     """An intermediate stop."""
 
@@ -405,7 +398,11 @@ class RoadDocument(schemas.ResponseModel):
     charging: ChargingDocument | None
     """its fastest plan with stops; null where the charge suffices or stops do not help"""
     line: LineDocument
-    links: RoadLinks
+    links: list[schemas.Link]
+    """with expected times; `links` with `elevation`, or this document as `route`, is the road of a ForecastRequest"""
+    elevation: schemas.Elevation | None
+    road_class: list[str]
+    """kind of each link"""
     stops: list[StopDocument]
     samples: dict[str, list[float | None]]
     """speed and elevation that the driver model gives"""

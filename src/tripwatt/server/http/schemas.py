@@ -26,6 +26,7 @@ from pydantic import (
     WithJsonSchema,
     create_model,
     field_validator,
+    model_validator,
 )
 from pydantic_core import PydanticCustomError, PydanticKnownError
 
@@ -39,7 +40,7 @@ from tripwatt.server.cars.telemetry import FIRST_TIME_S, LAST_TIME_S
 from tripwatt.server.http.problems import TITLES, Problem
 from tripwatt.server.http.settings import Limits
 from tripwatt.sources.canonical import MIN_SAMPLES, canonical_samples
-from tripwatt.trips import ASKED, COLUMNS, LINK_COLUMNS, QUANTITIES, Column, Departure
+from tripwatt.trips import ASKED, COLUMNS, LINK_COLUMNS, QUANTITIES, Column, Departure, Plan
 from tripwatt.trips import Field as DepartureField
 
 MIN_OBSERVED: Final = 2
@@ -318,6 +319,11 @@ class CarRequest(StrictModel):
     driver: str | None = Field(None, max_length=100)
     """of the model of a fleet: who drives"""
 
+    @property
+    def named(self) -> str | None:
+        """Name of the car; None for figures, and for the car of the model."""
+        return self.car if isinstance(self.car, str) else None
+
     @field_validator("car", "model")
     @classmethod
     def _is_known(cls, named: Any, info: ValidationInfo) -> Any:
@@ -376,14 +382,55 @@ def departure_of(request: DepartureRequest) -> Departure:
     return Departure(**fields)
 
 
-class ForecastRequest(DepartureRequest, CarRequest):
-    """A trip to forecast: a speed trace (`samples`) or a planned route (`links`), and what is known at departure."""
+class RoadRequest(StrictModel):
+    """A road to drive: a speed trace (`samples`), a planned route (`links`), or either as somebody else writes it (`route`)."""
 
-    trip: str = Field("trip", min_length=1, max_length=100)
-    """name of the trip in the response"""
     samples: Samples | None = None
     links: Links | None = None
     elevation: Elevation | None = None
+    route: dict[str, Any] | str | None = None
+    """an answer with a road, such as that of /v1/routes, /v1/journeys, one of its roads, or of a router; or the text of a GPX, KML or CSV file"""
+    speed_m_s: float | None = Field(None, gt=0.0, le=70.0)
+    """mean speed of a `route` without times and speeds [m/s]"""
+
+    @model_validator(mode="before")
+    @classmethod
+    def _read_route(cls, given: Any, info: ValidationInfo) -> Any:
+        if not isinstance(given, Mapping) or given.get("route") is None or info.context is None:
+            return given
+        speed = given.get("speed_m_s")
+        if speed is not None and not (type(speed) in NUMBER_TYPES and 0.0 < speed <= 70.0):
+            return given  # its field has the fault
+        with _collect_faults():
+            if any(given.get(name) is not None for name in ("samples", "links", "elevation")):
+                got = "route beside links, samples or elevation"
+                raise InvalidInput.of("no single trip", "route", got, "one of them")
+            return info.context.with_road(given)
+
+    def plan(self, limits: Limits) -> Plan:
+        """Return the plan of the road of a checked request.
+
+        Raises
+        ------
+        InvalidInput
+            When there are none or two roads, or `elevation` does not fit the links.
+        """
+        samples, links = self.samples, self.links
+        if samples is not None and links is None:
+            return Plan.from_samples(samples, "samples")
+        if links is None or samples is not None:
+            got = "neither" if links is None else "both"
+            raise InvalidInput.of("no single trip", "samples, links", got, "samples, links or a route")
+        if self.elevation is not None:
+            links = with_elevation(links, self.elevation, limits)
+        return links.plan()
+
+
+class ForecastRequest(RoadRequest, DepartureRequest, CarRequest):
+    """A trip to forecast: its road, and what is known at departure."""
+
+    trip: str = Field("trip", min_length=1, max_length=100)
+    """name of the trip in the response"""
     reserve: float = reserve_field()
     probability: float | None = Field(None, ge=0.5, le=0.999)
     """with which the trip has to arrive with the reserve: the response has the charge to leave with; default: none is worked out"""
@@ -563,6 +610,22 @@ def parse_json(body: bytes, where: str = "") -> Any:
         return orjson.loads(body)
     except orjson.JSONDecodeError as error:
         raise Problem("not-json", f"{where}{error}") from error
+
+
+def json_object(body: bytes) -> dict[str, Any]:
+    """Parse the body of a request as an object.
+
+    Raises
+    ------
+    Problem
+        `not-json`.
+    InvalidInput
+        When it is something else.
+    """
+    document = parse_json(body)
+    if not isinstance(document, dict):
+        raise InvalidInput.of("not an object", "body", excerpt(document), "an object")
+    return document
 
 
 def check_request(document: Any, model: type[RequestModel], jobs: Any = None) -> RequestModel:

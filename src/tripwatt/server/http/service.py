@@ -98,11 +98,11 @@ class Service:
     async def job_without_road(self, query: RangeQuery) -> dict[str, Any]:
         """Return the parameters of a query's job: `body`, and `last_message` if the query is about a car on the road."""
         given, live = query.model_dump(mode="json", exclude_unset=True), self._live
-        if live is None or query.car not in live.cars or query.model is not None:
+        if live is None or query.named not in live.cars or query.model is not None:
             return {"body": orjson.dumps(given)}
         if given.get("trip") is None:  # else the car is that of the trip
             del given["car"]
-        return await live.job_without_road(live.cars[query.car], given)
+        return await live.job_without_road(live.cars[query.named], given)
 
     async def last_message(self, body: bytes) -> dict[str, Any]:
         """Return the parameter `last_message` of a job whose body names a car on the road."""
