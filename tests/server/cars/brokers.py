@@ -187,7 +187,10 @@ def follower_of(
     async def documents() -> dict[str, Mapping[str, Any]]:
         return {name: dict(car.document(time.time())) for name, car in cars.items()}
 
-    return Follower(settings, take, documents, note, every_s)
+    async def plan(name: str, payload: bytes) -> None:
+        cars[name].set_plan(json.loads(payload))
+
+    return Follower(settings, take, documents, plan, note, every_s)
 
 
 async def _send(where: Broker, drive: Sent, car: Car, start: int, stop: int, *, wait: bool = True) -> None:

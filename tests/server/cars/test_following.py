@@ -167,7 +167,7 @@ def test_a_client_that_loses_a_cancellation_delays_no_end(
 
     async def run() -> None:
         settings = MqttSettings(Broker("127.0.0.1", 1883), {"leaf": ("ovms", "o/m/l/metric")})
-        follower = following.Follower(settings, None, documents, print, every_s=0.0)  # type: ignore[arg-type]
+        follower = following.Follower(settings, None, documents, None, print, every_s=0.0)  # type: ignore[arg-type]
         monkeypatch.setattr(follower, "_client", Losing)
         task = asyncio.ensure_future(follower.follow())
         await asyncio.sleep(delay_s)
@@ -276,10 +276,11 @@ class Followed:
     ) -> None:
         self.clients, self.waits, self.slept = clients, waits, list[float]()
         self.taken, self.notes = list[tuple[str, Sample]](), list[str]()
+        self.plans = list[tuple[str, bytes]]()
         settings = MqttSettings(
             Broker("192.0.2.7", 1883), {"leaf": ("abrp", "cars/leaf"), "zoe": ("abrp", "cars/leaf2")}, **more
         )
-        self.follower = following.Follower(settings, self.take, self.documents, self.notes.append)
+        self.follower = following.Follower(settings, self.take, self.documents, self.plan, self.notes.append)
         patch.setattr(self.follower, "_client", self.client)
         patch.setattr(asyncio, "sleep", self.sleep)
 
@@ -296,6 +297,9 @@ class Followed:
 
     async def documents(self) -> dict[str, dict[str, Any]]:
         return {}
+
+    async def plan(self, name: str, payload: bytes) -> None:
+        self.plans.append((name, payload))
 
     async def sleep(self, seconds: float) -> None:
         if seconds == self.follower.every_s:  # between two messages
@@ -351,6 +355,8 @@ def test_a_message_is_of_the_car_whose_topic_it_is_below(monkeypatch: pytest.Mon
         message("cars/leaf", 4.0),
         message("cars/leaf", 60.0),
         message("x/leaf", 5.0),
+        aiomqtt.Message("tripwatt/zoe/plan/set", b'{"links": []}', 1, False, 1, None),
+        aiomqtt.Message("tripwatt/zoe/plan/set", b"kept", 1, True, 1, None),
     )
     found = Followed(monkeypatch, [client], 1)
     found.follow()
@@ -361,7 +367,8 @@ def test_a_message_is_of_the_car_whose_topic_it_is_below(monkeypatch: pytest.Mon
     refused, lost = found.notes
     assert refused == (f"leaf: message not stored: {'y' * 300}")[:200]
     assert lost == "192.0.2.7:1883: gone"
-    assert client.acknowledged == [(1, 1)] * 4  # also one that cannot be stored
+    assert found.plans == [("zoe", b'{"links": []}')]
+    assert client.acknowledged == [(1, 1)] * 6  # also one that cannot be stored
 
 
 def test_a_car_is_published_where_it_is_another_and_after_its_age(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -391,7 +398,7 @@ def test_a_client_leaves_a_will_and_its_messages_wait_for_it(monkeypatch: pytest
 
     def client(broker: Broker, **more: Any) -> dict[str, Any]:
         settings = MqttSettings(broker, {"leaf": ("plain", "x"), "zoe": ("plain", "y")}, **more)
-        following.Follower(settings, print, print, print)._client()  # type: ignore[arg-type]
+        following.Follower(settings, print, print, print, print)._client()  # type: ignore[arg-type]
         return made
 
     plain = dict(client(Broker("h", 1883, "me", "secret")))

@@ -73,7 +73,7 @@ def test_late_and_doubled_messages_change_nothing(
         car.set_plan({}, NOON_S)
         arrivals = fed(car, sent)
         left = sorted({sample.time_s - NOON_S for sample in sent})
-        assert car.counts == {"new": len(left), "doubled": len(sent) - len(left), "late": 0}
+        assert car.counts == {"new": len(left), "doubled": len(sent) - len(left), "late": 0, "faulty": 0}
         assert arrivals.count("new") == len(left)
         kept = on_the_clock(drive)
         same(car.update(forecast), forecast.update_since_departure(kept[kept["time_s"].isin(left)]))

@@ -57,7 +57,7 @@ def test_a_clock_that_is_set_moves_the_trip_so_far(folder: Path, step_s: float) 
         assert car.trip is not None
         assert car.trip.start_s == NOON_S + step_s
         assert car.observed()["time_s"].tolist() == pytest.approx(list(range(200)), abs=0.01)
-        assert car.counts == {"new": 200, "doubled": 0, "late": 0}
+        assert car.counts == {"new": 200, "doubled": 0, "late": 0, "faulty": 0}
     with Car.follow(folder) as again:
         assert len(again.observed()) == 200, "a restart goes on with the same clock"
         assert driven(again, range(200, 230), step_s) == ["new"] * 30
@@ -96,7 +96,7 @@ def test_one_stray_stamp_does_not_count_and_costs_no_other(folder: Path, stray_s
         )
         assert car.document(NOON_S + 101.0)["held"] == 1
         assert set(driven(car, range(101, 160))) == {"new"}
-        assert (car.counts, car.shown(0.0)["held"]) == ({"new": 159, "doubled": 0, "late": 1}, 0)
+        assert (car.counts, car.shown(0.0)["held"]) == ({"new": 159, "doubled": 0, "late": 1, "faulty": 0}, 0)
 
 
 def test_a_stamp_that_was_held_outlives_a_restart(folder: Path) -> None:
@@ -166,7 +166,7 @@ def test_a_backlog_goes_into_its_gap_and_a_double_does_not(folder: Path) -> None
         assert car.observed()["time_s"].tolist() == pytest.approx(list(range(540)))
         assert car.trip is not None
         assert car.trip.distance_m == pytest.approx(15.0 * car.trip.last_s - 15.0 * NOON_S)
-        assert car.counts == {"new": 540, "doubled": 0, "late": 0}
+        assert car.counts == {"new": 540, "doubled": 0, "late": 0, "faulty": 0}
 
 
 def test_the_clock_of_the_machine_may_be_set(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -180,7 +180,7 @@ def test_the_forecast_on_the_way_is_that_of_update(
     }
     assert found["forecast"]["p_arrive"] == pytest.approx(updated.p_arrive(0.3), abs=1e-9)
     assert (found["forecast"]["reserve"], found["forecast"]["measured_until_s"]) == (0.3, 399.0)
-    assert found["messages"] == {"new": 400, "doubled": 0, "late": 0}
+    assert found["messages"] == {"new": 400, "doubled": 0, "late": 0, "faulty": 0}
     assert found["faults"] == []
     assert dt.datetime.fromisoformat(found["trip"]["departs_at"]).timestamp() == NOON_S
     assert served("/v1/live/zoe").json()["forecast"] is None
@@ -416,15 +416,29 @@ def test_a_message_may_have_any_form_that_senders_use(served: Served) -> None:
         {"json": message(4.0), "params": {"token": token}},
         {"data": {"token": token, "tlm": json.dumps(message(5.0))}},
         {"data": {"tlm": json.dumps(message(6.0))}, "headers": bearer},
+        {"method": "GET", "params": {"token": token, "tlm": json.dumps(message(7.0))}},
+        {"method": "GET", "params": {"tlm": json.dumps(message(8.0))}, "headers": bearer},
     ]
     for more in sent:
-        found = served("/v1/telemetry", "POST", **more)
+        found = served("/v1/telemetry", more.pop("method", "POST"), **more)
         assert (found.status_code, found.json()) == (
             200,
             {"status": "ok", "car": "leaf", "arrival": "new", "ignored": []},
         )
     assert served.send(tlm).json()["arrival"] == "doubled"
-    assert served("/v1/live/leaf").json()["messages"] == {"new": 7, "doubled": 1, "late": 0}
+    assert served("/v1/live/leaf").json()["messages"] == {"new": 9, "doubled": 1, "late": 0, "faulty": 0}
+
+
+def test_a_message_without_a_time_is_of_now_and_a_wrong_value_is_counted(served: Served) -> None:
+    before_s = time.time()
+    found = served.send({"speed": 36, "soc": 900})
+    assert (found.status_code, found.json()["arrival"]) == (200, "new")
+    assert [fault["where"] for fault in found.json()["ignored"]] == ["soc"]
+    car = _cars(served).by_name("leaf")
+    assert car.received_s is not None
+    assert car.received_s >= before_s
+    shown = served("/v1/live/leaf").json()
+    assert (shown["messages"]["new"], shown["messages"]["faulty"], shown["soc"]) == (1, 1, None)
 
 
 def test_a_message_needs_the_token_of_a_car(served: Served) -> None:
@@ -569,9 +583,75 @@ def test_events_come_at_once_and_after_news(served: Served, monkeypatch: pytest.
         return found
 
     for part, new in zip(asyncio.run(listen()), (0, 1), strict=True):
-        head, data, *rest = part.split(b"\n")
-        assert (head, rest) == (b"event: live", [b"", b""])
+        number, head, data, *rest = part.split(b"\n")
+        assert (number, head, rest) == (f"id: {new + 1}".encode(), b"event: live", [b"", b""])
         assert orjson.loads(data.removeprefix(b"data: "))["messages"]["new"] == new
+
+
+def test_one_stream_has_the_news_of_all_cars(served: Served, monkeypatch: pytest.MonkeyPatch) -> None:
+    cars = _cars(served)
+    quick(cars, monkeypatch)
+
+    async def listen() -> list[tuple[str, int]]:
+        found, ending = list[tuple[str, int]](), anyio.Event()
+        async for part in cars.events(None, ending):
+            data = orjson.loads(part.encode().split(b"data: ")[1])
+            found.append((data["car"], data["messages"]["new"]))
+            if len(found) == 2:
+                cars.by_name("zoe").record(Sample(NOON_S, {"speed_m_s": 1.0}))
+            if len(found) == 3:
+                ending.set()
+        return found
+
+    assert asyncio.run(listen()) == [("leaf", 0), ("zoe", 0), ("zoe", 1)]
+
+
+def test_what_is_ahead_is_shown_where_it_is_included(served: Served) -> None:
+    for k in range(60):
+        served.send(message(float(k), soc=60.0, speed=36))
+    (leaf, zoe) = served("/v1/live", params={"include": "need,range,next"}).json()["cars"]
+    assert [one["distance_m"] for one in leaf["next"]] == [10_000.0, 50_000.0]  # on a trip without a plan
+    assert leaf["next"][0]["energy_wh"] < leaf["next"][1]["energy_wh"]
+    assert (leaf["need"], leaf["range"]["soc"], leaf["forecast"]) == (None, pytest.approx(0.6), None)
+    assert leaf["trip"]["distance_m"] > 100.0
+    assert (zoe["need"], zoe["range"], zoe["next"]) == (None, None, [])
+    served.put({"links": LINKS})
+    planned = served("/v1/live/leaf", params={"include": "next,need"}).json()
+    assert planned["next"] == []
+    assert "range" not in planned
+    assert {"need", "range", "next"}.isdisjoint(served("/v1/live/leaf").json())
+    assert served("/v1/live/leaf", params={"include": "moon"}).status_code == 422
+
+
+def test_a_plan_is_read_removed_and_given_back(served: Served) -> None:
+    assert served("/v1/live/leaf/plan").json()["type"] == "/problems/no-plan"
+    gpx = (
+        b'<gpx version="1.1" xmlns="http://www.topografix.com/GPX/1/1"><rte><rtept lat="47" lon="9"/>'
+        b'<rtept lat="47.1" lon="9.1"/></rte></gpx>'
+    )
+    shown = served.put(
+        {"route": gpx.decode(), "speed_m_s": 15.0, "destination": "Work", "departs_at": NOON}
+    ).json()
+    assert (shown["plan"], shown["destination"]) == ("given", "Work")
+    given = served("/v1/live/leaf/plan").json()
+    assert set(given) >= {"links", "elevation", "destination", "departs_at"}
+    assert served("/v1/live/leaf/plan", "DELETE").json()["plan"] is None
+    assert served.put(given, "zoe").json()["forecast"]["distance_m"] == shown["forecast"]["distance_m"]
+    refused = served.put({"route": "no road"}, "zoe")
+    assert (refused.status_code, refused.json()["faults"][0]["where"]) == (422, "route")
+    assert served("/v1/live/zoe/plan").json() == given, "a plan that is refused changes nothing"
+
+
+def test_a_plan_over_mqtt_is_set_removed_or_logged(served: Served) -> None:
+    cars = _cars(served)
+    asyncio.run(cars.plan_published("leaf", orjson.dumps({"links": LINKS, "destination": "Work"})))
+    assert served("/v1/live/leaf").json()["destination"] == "Work"
+    for payload in (b"{", b"[]", b'{"links": []}', b'{"route": 5}'):
+        asyncio.run(cars.plan_published("leaf", payload))
+        assert served.logged[-1]["event"] == "plan refused"
+    assert served("/v1/live/leaf").json()["plan"] == "given"
+    asyncio.run(cars.plan_published("leaf", b""))
+    assert served("/v1/live/leaf").json()["plan"] is None
 
 
 def test_the_stream_of_a_car_that_is_deleted_ends(served: Served, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -743,7 +823,7 @@ def test_a_running_service_streams_forecasts_and_ends_in_time(
     form = {"Content-Type": FORM, "Authorization": f"Bearer {tokens['leaf']}"}
     with service.client.stream("GET", "/v1/live/leaf/events") as stream:
         lines = stream.iter_lines()
-        assert next(lines) == "event: live"
+        assert [next(lines), next(lines)] == ["id: 1", "event: live"]
         first = orjson.loads(next(lines).removeprefix("data: "))
         assert first["messages"]["new"] == 0
         for sent in abrp_messages(drive):
@@ -804,7 +884,7 @@ class Published:
         self.pool, self.logged, self.now_s = CountingPool(), list[dict[str, Any]](), NOON_S
         issue_token(folder / "leaf")
         broker = MqttSettings(Broker("192.0.2.7", 1883))
-        settings = Settings(cars=folder, limits=Limits(live_every_s=3.0), mqtt=broker)
+        settings = Settings(cars=folder, limits=Limits(publish_every_s=3.0), mqtt=broker)
         self.cars = LiveCars(settings, self.pool, lambda **record: self.logged.append(record))  # type: ignore[arg-type]
         self.car = self.cars.by_name("leaf")
 
@@ -909,7 +989,7 @@ def test_messages_of_forgotten_cars_and_a_full_disk_are_passed_over(
     assert [record["event"] for record in published.logged] == ["message not stored"]
 
 
-def test_what_the_broker_does_is_logged_and_cars_are_as_often_as_in_a_stream(published: Published) -> None:
+def test_what_the_broker_does_is_logged_and_cars_are_as_often_as_asked(published: Published) -> None:
     follower = published.cars._follower
     assert follower is not None
     assert follower.every_s == 3.0

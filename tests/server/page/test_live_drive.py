@@ -140,7 +140,7 @@ def test_an_old_message_a_lost_stream_and_a_deleted_car_are_said(
     document = {
         "car": "old",
         "seconds_since_message": 185.0,
-        "messages": {"new": 1, "doubled": 0, "late": 0},
+        "messages": {"new": 1, "doubled": 0, "late": 0, "faulty": 0},
         "soc": None,
         "trip": {
             "departs_at": "2023-11-14T22:13:20Z",

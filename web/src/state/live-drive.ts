@@ -104,7 +104,7 @@ export async function openRoad(name = ""): Promise<void> {
     return;
   }
   const rows = roadCars.value;
-  const driving = rows.filter((row) => row.on_trip);
+  const driving = rows.filter((row) => row.trip);
   const [only] = driving.length === 1 ? driving : rows;
   if (!followed.value && only && (rows.length === 1 || driving.length === 1)) followed.value = only.car;
 }

@@ -274,7 +274,7 @@ function Choose() {
           <button type="button" onClick={put(followed, row.car)}>
             <span class="name">{labelOf(row.car)}</span>
             <span class="figures">
-              {row.on_trip
+              {row.trip
                 ? words.onTrip
                 : row.seconds_since_message === null
                   ? words.noMessage

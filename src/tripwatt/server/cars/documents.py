@@ -89,6 +89,8 @@ class LiveMessages(TypedDict):
     doubled: int
     late: int
     """too late, or with a time of another clock: they do not count"""
+    faulty: int
+    """with a value that cannot be one; the others count"""
 
 
 @described

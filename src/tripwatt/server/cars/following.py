@@ -27,6 +27,9 @@ PORTS: Final = {"mqtt": 1883, "mqtts": 8883}
 AGAIN_S: Final = (1.0, 60.0)
 """First and longest wait before connecting to a lost broker again [s]; doubled each time. A choice."""
 
+PLAN_TOPIC: Final = "/plan/set"
+"""Topic below that of a car, on which its plan is set."""
+
 FLUSH_S: Final = 2.0
 """A sample is complete if nothing arrives for this long [s]. A choice."""
 
@@ -144,6 +147,8 @@ class Follower:
         Called with the name of a car and a sample; an `InvalidInput` that it raises goes to `note`.
     documents : callable
         Returns name of a car -> document to publish.
+    plan : callable
+        Called with the name of a car and the plan of its next trip as JSON text, from the topic `PLAN_TOPIC` below that of the car.
     note : callable
         Called with a sentence when the broker is lost or a message is not stored.
     every_s : float
@@ -159,13 +164,14 @@ class Follower:
     >>> async def documents():
     ...     return {"leaf": {"soc": 0.8}}
     >>> settings = MqttSettings(Broker.from_url("mqtt://127.0.0.1"), {"leaf": ("teslamate", "teslamate/cars/1")})
-    >>> follower = Follower(settings, print, documents, print)
+    >>> follower = Follower(settings, print, documents, print, print)
     >>> asyncio.run(follower.follow())  # doctest: +SKIP
     """
 
     settings: MqttSettings
     take: Callable[[str, Sample], Awaitable[object]]
     documents: Callable[[], Awaitable[Mapping[str, Mapping[str, Any]]]]
+    plan: Callable[[str, bytes], Awaitable[object]]
     note: Callable[[str], None]
     every_s: float = 5.0
 
@@ -188,6 +194,8 @@ class Follower:
                 async with self._client() as client:
                     for joiner in self._joiners.values():
                         await client.subscribe(joiner.filter, qos=1)
+                    if self.settings.publish_to:
+                        await client.subscribe(f"{self.settings.publish_to}/+{PLAN_TOPIC}", qos=1)
                     wait_s = AGAIN_S[0]
                     self._published.clear()
                     await self._publish(client, "", ONLINE)
@@ -210,6 +218,10 @@ class Follower:
         async for message in client.messages:
             payload = message.payload if isinstance(message.payload, bytes) else str(message.payload).encode()
             now_s, topic = self._now_s(), message.topic.value
+            if (
+                topic.endswith(PLAN_TOPIC) and not message.retain
+            ):  # a kept one may be of a trip that has ended
+                await self.plan(topic.split("/")[-3], payload)
             for name, joiner in self._joiners.items():
                 if topic == joiner.root or topic.startswith(f"{joiner.root}/"):
                     self._received_s[name] = now_s

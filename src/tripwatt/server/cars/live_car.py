@@ -107,7 +107,7 @@ class LiveCar(Recorder):
                 self.received_s = sample.received_s
             if self._messages:
                 self._listening_s = self.now_s()
-            self.counts = {"new": 0, "doubled": 0, "late": 0}
+            self.counts = {"new": 0, "doubled": 0, "late": 0, "faulty": 0}
             self._store_ended_trips()
             self.erase_old(self.now_s())
             self._open = stack.pop_all()
@@ -141,6 +141,7 @@ class LiveCar(Recorder):
             raise InvalidInput.of("time in the future", "utc", got, allowed, fix)
         sample = replace(sample, received_s=now_s)
         arrival = self._judge_arrival(sample)
+        self.counts["faulty"] += bool(sample.faults)
         if arrival in ("new", "held"):
             with self.file.write() as db:
                 db.put_messages([sample])

@@ -37,7 +37,7 @@ class Recorder:
     Attributes
     ----------
     counts : dict of str to int
-        Number of samples that were `new`, `doubled` or `late`; a sample whose time fits no clock of the sender counts as `late`.
+        Number of samples that were `new`, `doubled`, `late` or `faulty` (with a value that cannot be one); a sample whose time fits no clock of the sender counts as `late`.
     received_s : float or None
         Arrival of the last message by our clock [s since 1970]; None before the first one.
     ended : list of LiveTrip
@@ -58,7 +58,7 @@ class Recorder:
     def __init__(self, name: str) -> None:
         self.name = name
         self.plan: LivePlan | None = None
-        self.counts: LiveMessages = {"new": 0, "doubled": 0, "late": 0}
+        self.counts: LiveMessages = {"new": 0, "doubled": 0, "late": 0, "faulty": 0}
         self.received_s: float | None = None
         self.ended: list[LiveTrip] = []
         self._finder = TripFinder()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Mapping
 from typing import Annotated, Any, Final
 from urllib.parse import parse_qsl
@@ -12,7 +13,7 @@ from fastapi import Query
 from starlette.requests import Request
 from starlette.responses import Response
 
-from tripwatt.errors import Fault, excerpt
+from tripwatt.errors import Fault
 from tripwatt.server.cars import sample_from_abrp
 from tripwatt.server.cars.documents import LiveResponse
 from tripwatt.server.cars.live_car import VALID_NAME
@@ -31,7 +32,7 @@ from tripwatt.server.http.openapi import (
     response_content,
 )
 from tripwatt.server.http.problems import Problem, invalid_input
-from tripwatt.server.http.schemas import check_request, parse_json
+from tripwatt.server.http.schemas import json_object, parse_json
 from tripwatt.server.http.service import Called, json_response, media_type
 
 MAX_MESSAGE_BYTES: Final = 65_536
@@ -40,9 +41,14 @@ MAX_MESSAGE_BYTES: Final = 65_536
 MAX_FORM_FIELDS: Final = 20
 """Most fields of a form (a choice): a message has two."""
 
-LIVE_EVENTS: Final = {
-    "schema": {"type": "string", "description": "events `live`; the data of each is a LiveResponse"}
-}
+LIVE_EVENTS: Final = response_content(
+    {
+        EVENTS: {
+            "schema": {"type": "string", "description": "events `live`; the data of each is a LiveResponse"}
+        }
+    },
+    "A stream of server-sent events",
+)
 UPLOAD: Final = "/v1/cars/{car}/uploads/{upload}"
 
 CarName = Annotated[str, PathValue(pattern=f"^{VALID_NAME.pattern}$", description="name of the car")]
@@ -50,6 +56,17 @@ UploadName = Annotated[
     str, PathValue(pattern="^[a-z0-9]{8,32}$", description="name of the upload, chosen by the client")
 ]
 FileName = Annotated[str, PathValue(min_length=1, max_length=200, description="name of the file")]
+MessageText = Annotated[str, Query(max_length=4000, description="the message as JSON text")]
+EventToken = Annotated[
+    str | None, Query(description="token of the service; a browser's EventSource sends no header")
+]
+Include = Annotated[
+    str | None,
+    Query(
+        pattern="^(need|range|next)(,(need|range|next))*$",
+        description="what is ahead, with commas: need, range, next",
+    ),
+]
 CarToken = Annotated[str | None, Query(description="token of the car")]
 
 cars, live = new_router("cars"), new_router("live")
@@ -144,47 +161,82 @@ def _with_learning(response: Response, learning: Mapping[str, Any] | None) -> Re
 )
 async def telemetry(call: Called, token: CarToken = None) -> Response:
     """Take a message of a car in the format of A Better Routeplanner's live data."""
-    cars_on_road = call.service.live
     body = await call.read((JSON, FORM), MAX_MESSAGE_BYTES)
-    message = message_of(body, media_type(call.request))
-    car = cars_on_road.by_token(given_token(message, call.request, token))
-    return json_response(await cars_on_road.take(car, sample_from_abrp(telemetry_of(message))))
+    return await _take(call, message_of(body, media_type(call.request)), token)
+
+
+@live.get("/v1/telemetry", response_model=schemas.TelemetryResponse)
+async def telemetry_by_query(call: Called, tlm: MessageText, token: CarToken = None) -> Response:
+    """Take a message of a car as a parameter of the URL, as A Better Routeplanner's live data do, too."""
+    return await _take(call, {"tlm": tlm}, token)
 
 
 @live.get("/v1/live", response_model=schemas.LiveCarsResponse)
-async def list_live(call: Called) -> Response:
-    """List the cars on the road: those with a token."""
-    return json_response(call.service.live.summary())
+async def list_live(call: Called, include: Include = None) -> Response:
+    """Return the cars on the road, those with a token, with the latest forecasts of their trips."""
+    cars = call.service.live
+    found = [await cars.shown(car, include) for _, car in sorted(cars.cars.items())]
+    return json_response({"cars": found})
 
 
-@live.get("/v1/live/{car}", response_model=LiveResponse)
-async def get_live(call: Called, car: CarName) -> Response:
+@live.get("/v1/live/events", **LIVE_EVENTS)
+async def get_all_events(call: Called, token: EventToken = None) -> Response:
+    """Stream the states of all cars on the road as server-sent events."""
+    return Response(media_type=EVENTS) if _is_head(call) else call.service.live.stream(None)
+
+
+@live.get("/v1/live/{car}", response_model=schemas.LiveCarDocument)
+async def get_live(call: Called, car: CarName, include: Include = None) -> Response:
     """Return the state of a car on the road and the latest forecast of its trip."""
-    return json_response(await call.service.live.document(call.service.live.by_name(car)))
+    return json_response(await call.service.live.shown(call.service.live.by_name(car), include))
 
 
 @live.put("/v1/live/{car}/plan", response_model=LiveResponse, **request_body(schemas.LivePlanRequest))
 async def put_plan(call: Called, car: CarName) -> Response:
     """Give the plan of the trip that a car is on, or of its next one; it is kept until that trip has ended."""
     followed = call.service.live.by_name(car)
-    plan = _json_object(await call.read())
-    beside = {name: plan.get(name) for name in schemas.LiveDeparture.model_fields}
-    departure = check_request(beside, schemas.LiveDeparture)
-    result = await call.service.live.set_plan(followed, plan, departure.departure_s)
+    result = await call.service.live.set_plan(followed, json_object(await call.read()))
     if result.status != 200:
         return call.answer(result)
     return json_response(await call.service.live.document(followed))
 
 
-@live.get(
-    "/v1/live/{car}/events", **response_content({EVENTS: LIVE_EVENTS}, "A stream of server-sent events")
-)
-async def get_events(call: Called, car: CarName) -> Response:
+@live.get("/v1/live/{car}/plan", response_model=schemas.LivePlanRequest)
+async def get_plan(call: Called, car: CarName) -> Response:
+    """Return the plan that was given, as `PUT` takes it, with its road as links or samples."""
+    plan = call.service.live.by_name(car).plan
+    if plan is None:
+        raise Problem("no-plan", "none was given")
+    return json_response(plan.request)
+
+
+@live.delete("/v1/live/{car}/plan", response_model=LiveResponse)
+async def delete_plan(call: Called, car: CarName) -> Response:
+    """Remove the plan that was given."""
+    followed = call.service.live.by_name(car)
+    await call.service.live.run(followed.set_plan, None)
+    return json_response(await call.service.live.document(followed))
+
+
+@live.get("/v1/live/{car}/events", **LIVE_EVENTS)
+async def get_events(call: Called, car: CarName, token: EventToken = None) -> Response:
     """Stream the state of a car on the road and the forecasts of its trip as server-sent events."""
     followed = call.service.live.by_name(car)
-    if call.request.scope.get("was_head"):
-        return Response(media_type=EVENTS)  # a stream without a body would never end
-    return call.service.live.stream(followed)
+    return Response(media_type=EVENTS) if _is_head(call) else call.service.live.stream(followed)
+
+
+def _is_head(call: Called) -> bool:
+    """Whether the request asks for no body; a stream would never end then."""
+    return bool(call.request.scope.get("was_head"))
+
+
+async def _take(call: Called, message: Mapping[str, Any], token: str | None) -> Response:
+    """Store a message of a car; one without a time counts as of now, as over MQTT."""
+    cars_on_road = call.service.live
+    car = cars_on_road.by_token(given_token(message, call.request, token))
+    values = telemetry_of(message)
+    values = {"utc": time.time(), **values} if isinstance(values, dict) else values
+    return json_response(await cars_on_road.take(car, sample_from_abrp(values)))
 
 
 def message_of(body: bytes, kind: str) -> dict[str, Any]:
@@ -201,7 +253,7 @@ def message_of(body: bytes, kind: str) -> dict[str, Any]:
     {'token': 'abc', 'tlm': '{"utc":1}'}
     """
     if kind != FORM:
-        return _json_object(body)
+        return json_object(body)
     try:
         return dict(parse_qsl(body.decode("utf-8"), max_num_fields=MAX_FORM_FIELDS))
     except ValueError as error:
@@ -226,10 +278,3 @@ def telemetry_of(message: Mapping[str, Any]) -> Any:
     """
     message_part = message.get("tlm", message if "utc" in message else None)
     return parse_json(message_part.encode(), "tlm: ") if isinstance(message_part, str) else message_part
-
-
-def _json_object(body: bytes) -> dict[str, Any]:
-    document = parse_json(body)
-    if not isinstance(document, dict):
-        raise invalid_input([Fault("not an object", "body", excerpt(document), "an object")])
-    return document

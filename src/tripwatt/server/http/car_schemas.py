@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any, Literal, NotRequired
 
 from pydantic import BaseModel, ConfigDict, Field
 
+from tripwatt.forecasting.document import described
 from tripwatt.server.cars.car_file import MadeForecast
-from tripwatt.server.cars.documents import ProblemFault
+from tripwatt.server.cars.documents import LiveResponse, ProblemFault
+from tripwatt.server.http.journey_schemas import NeedResponse, RangeResponse, Stop
 from tripwatt.server.http.schemas import (
     ForecastRequest,
     LibraryCar,
@@ -347,17 +349,23 @@ class LiveDeparture(StrictModel):
 class LivePlanRequest(LiveDeparture, ForecastRequest):
     """The trip that a car is on or that comes next. What the plan leaves unknown of the departure is that of the car's messages."""
 
+    stops: list[Stop] | None = Field(None, min_length=2, max_length=20)
+    """places in their order, in place of the road: its road is the fastest one between them"""
 
-class LiveCarSummary(ResponseModel):
-    """A car that the service follows."""
 
-    car: str
-    seconds_since_message: float | None
-    """null before the first message"""
-    on_trip: bool
+@described
+class LiveCarDocument(LiveResponse):
+    """A car on the road, with what the request includes of what is ahead of it."""
+
+    need: NotRequired[NeedResponse | None]
+    """of the next trip; null on a trip, and without a plan or a usual trip"""
+    range: NotRequired[RangeResponse | None]
+    """null without a charge"""
+    next: NotRequired[list[NeedResponse]]
+    """of the next 10 and 50 km, on a trip without a plan"""
 
 
 class LiveCarsResponse(ResponseModel):
     """The cars that the service follows, by name."""
 
-    cars: list[LiveCarSummary]
+    cars: list[LiveCarDocument]

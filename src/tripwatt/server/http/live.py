@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import itertools
 import time
 from collections.abc import AsyncIterator, Awaitable, Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
@@ -29,9 +30,10 @@ from tripwatt.server.cars.folder import digest_of, setting_of
 from tripwatt.server.http.car_jobs import CarJobs, car_folder
 from tripwatt.server.http.car_schemas import LiveDeparture
 from tripwatt.server.http.jobs import Jobs, no_description_flag
-from tripwatt.server.http.journey_schemas import NeedQuery
+from tripwatt.server.http.journey_schemas import NeedQuery, PlanRequest
 from tripwatt.server.http.pool import JobResult, WorkerPool, cancel_all
 from tripwatt.server.http.problems import Problem, fault_document
+from tripwatt.server.http.schemas import check_request, json_object
 from tripwatt.server.http.settings import Settings
 from tripwatt.server.http.sharing import Places
 from tripwatt.trips.messages import flag_to_dict
@@ -47,6 +49,9 @@ NEED_S: Final = 600.0
 
 CAR_FIELDS: Final = ("car", "model")
 """Fields of a request that name a car or a model."""
+
+NEXT_KM: Final = (10.0, 50.0)
+"""Distances ahead whose need is shown on a trip without a plan [km]. A choice: a town away, and the way to the next charging park."""
 
 Result = TypeVar("Result")
 
@@ -96,6 +101,7 @@ class LiveCars:
         self.listeners = Places(settings.limits.listeners, "too many listeners", {"Retry-After": "30"})
         self.learn: Callable[[str], None] = lambda name: None
         self._loop: asyncio.AbstractEventLoop | None = None
+        self._numbers = itertools.count(1)  # of the events
         self._digests: dict[str, bytes] = {}
         self._companions: dict[str, Companion] = {}
         self._thread = ThreadPoolExecutor(1, "cars")
@@ -112,8 +118,9 @@ class LiveCars:
                 settings.mqtt,
                 self.take_published,
                 self.published,
+                self.plan_published,
                 lambda text: log(event="mqtt", error=text),
-                settings.limits.live_every_s,
+                settings.limits.publish_every_s,
             )
         for name in sorted(subscribed | {car.name for car in CarJobs(folder).folders()}):
             try:
@@ -233,7 +240,24 @@ class LiveCars:
             if name in self.cars:
                 await self.take(self.cars[name], sample)
 
-    async def set_plan(self, car: Car, plan: dict[str, Any], departure_s: float | None) -> JobResult:
+    async def plan_published(self, name: str, payload: bytes) -> None:
+        """Set the plan that a car got over MQTT; an empty one removes the plan. A plan that is refused is logged."""
+        try:
+            car = self.by_name(name)
+            if len(payload) > self.settings.limits.body_bytes:
+                raise Problem("too-large", f"at most {self.settings.limits.body_bytes} bytes")
+            if payload:
+                result = await self.set_plan(car, json_object(payload))
+                error = "" if result.status == 200 else result.content.decode()
+            else:
+                error = ""
+                await self.run(car.set_plan, None)
+        except (Problem, InvalidInput) as refused:
+            error = f"{refused}"
+        if error:
+            self.log(event="plan refused", vehicle=name, error=error[:200])
+
+    async def set_plan(self, car: Car, plan: dict[str, Any]) -> JobResult:
         """Set the plan of a car's trip, if the plan can be forecast.
 
         Parameters
@@ -241,14 +265,29 @@ class LiveCars:
         car : Car
         plan : dict
             A `LivePlanRequest`.
-        departure_s : float or None
-            Departure [s since 1970].
 
         Returns
         -------
         JobResult
-            Result of the forecast at departure; the plan is set if the status is 200.
+            Result of the forecast at departure; the plan is set if the status is 200. If the road cannot be made of stops or a route, the
+            result of that.
         """
+        beside = {name: plan.get(name) for name in LiveDeparture.model_fields}
+        departure_s = check_request(beside, LiveDeparture).departure_s
+        if plan.get("stops") is not None:
+            fields = {name: plan[name] for name in PlanRequest.model_fields if name in plan}
+            body = {**self._with_own_model(car, fields), "answers": False, "charge": False}
+            planned = await self.pool.run({"kind": "plan", "fields": "roads"}, orjson.dumps(body))
+            if planned.status != 200:
+                return planned
+            *_, last = plan.pop("stops")
+            name = last if isinstance(last, str) else last.get("name")
+            plan = {"destination": name, **plan, "route": orjson.loads(planned.content)}
+        if plan.get("route") is not None:
+            read = await self.pool.run({"kind": "road"}, orjson.dumps(plan))
+            if read.status != 200:
+                return read
+            plan = orjson.loads(read.content)
         checked = await self.pool.run({"kind": "forecast"}, orjson.dumps(self._with_own_model(car, plan)))
         if checked.status == 200:
             try:
@@ -344,31 +383,42 @@ class LiveCars:
             request["car"] = orjson.dumps(request["car"]).decode()
         return await self._job_about(car, {**request, **fields})
 
-    async def _range(self, car: Car) -> JobResult:
-        job = await self.job_without_road(car, {})
-        return await self.pool.run({"kind": "range", "last_message": job["last_message"]}, job["body"])
+    async def _without_road(self, car: Car, kind: str, **fields: Any) -> dict[str, Any] | None:
+        """Return the answer of a job about a car without a road; None if the job fails or refuses its input."""
+        job = await self.job_without_road(car, fields)
+        body = job.pop("body")
+        return await _or_none(self.pool.run({"kind": kind, **job}, body))
+
+    async def with_ahead(self, car: Car) -> dict[str, Any]:
+        """Return the document of a car with what is ahead of it, as `LiveCarDocument` with all of its fields."""
+        document, name = await self.document(car), car.name
+        state = (*car.live_state[1:], document["soc"], time.time() // NEED_S)
+        if name not in self._ahead or self._ahead[name][0] != state:
+            is_unplanned = car.trip is not None and document["forecast"] is None
+            ahead = [
+                await self._without_road(car, "distance", distance_km=km) for km in NEXT_KM * is_unplanned
+            ]
+            needed = None if car.trip else await _or_none(self.need(car, NeedQuery.model_validate({})))
+            range_ = None if document["soc"] is None else await self._without_road(car, "range")
+            self._ahead[name] = (
+                state,
+                {"need": needed, "range": range_, "next": [one for one in ahead if one]},
+            )
+        return {**document, **self._ahead[name][1]}
+
+    async def shown(self, car: Car, include: str | None) -> dict[str, Any]:
+        """Return the document of a car with the fields of `include`, names with commas, of what is ahead of it."""
+        if include is None:
+            return await self.document(car)
+        left_out = {"need", "range", "next"} - {*include.split(",")}
+        return {name: value for name, value in (await self.with_ahead(car)).items() if name not in left_out}
 
     async def published(self) -> dict[str, dict[str, Any]]:
-        """Return what is published of each car: its document, what its next trip needs, and how far its charge carries."""
-        documents = {}
-        for name, car in [*self.cars.items()]:
-            document = await self.document(car)
-            state = (*car.live_state[1:], document["soc"], time.time() // NEED_S)
-            if name not in self._ahead or self._ahead[name][0] != state:
-                needed = None if car.trip else await _or_none(self.need(car, NeedQuery.model_validate({})))
-                range_ = None if document["soc"] is None else await _or_none(self._range(car))
-                self._ahead[name] = state, {"need": needed, "range": range_}
-            documents[name] = {**document, **self._ahead[name][1]}
-        return documents
+        """Return what is published of each car."""
+        return {name: await self.with_ahead(car) for name, car in [*self.cars.items()]}
 
-    def summary(self) -> dict[str, Any]:
-        """Return the cars, as `LiveCarsResponse`."""
-        rows = [(name, car.silence_s(car.now_s()), car.trip) for name, car in sorted(self.cars.items())]
-        names = ("car", "seconds_since_message", "on_trip")
-        return {"cars": [dict(zip(names, (*row, trip is not None), strict=True)) for *row, trip in rows]}
-
-    def stream(self, car: Car) -> EventSourceResponse:
-        """Return the forecasts of a car as a stream of server-sent events, which is refused if there are too many listeners."""
+    def stream(self, car: Car | None) -> EventSourceResponse:
+        """Return the forecasts of a car, or of all, as a stream of server-sent events, which is refused if there are too many listeners."""
         ending = anyio.Event()
         return Stream(
             self.listeners,
@@ -381,20 +431,21 @@ class LiveCars:
             shutdown_grace_period=5.0,
         )
 
-    async def events(self, car: Car, ending: anyio.Event) -> AsyncIterator[ServerSentEvent]:
-        """Yield documents of a car as events: one at once, then one after each change, until the service or the following ends.
+    async def events(self, car: Car | None, ending: anyio.Event) -> AsyncIterator[ServerSentEvent]:
+        """Yield documents of a car, or of all, as events: one at once, then one after each change, until the service or the following ends.
 
         Yields
         ------
         ServerSentEvent
             An event `live` whose data is a `LiveResponse`.
         """
-        sent: tuple[Any, ...] | None = None
-        while not ending.is_set() and self.cars.get(car.name) is car:
-            if sent != car.live_state:
-                sent = car.live_state
-                data = orjson.dumps(await self.document(car)).decode()
-                yield ServerSentEvent(data, event="live", sep="\n")
+        sent: dict[str, tuple[Any, ...]] = {}
+        while not ending.is_set() and (car is None or self.cars.get(car.name) is car):
+            for each in [*self.cars.values()] if car is None else [car]:
+                if sent.get(each.name) != each.live_state:
+                    sent[each.name] = each.live_state
+                    data = orjson.dumps(await self.document(each)).decode()
+                    yield ServerSentEvent(data, event="live", id=f"{next(self._numbers)}", sep="\n")
             with anyio.move_on_after(self.settings.limits.live_every_s):
                 await ending.wait()
 

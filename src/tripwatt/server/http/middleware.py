@@ -14,6 +14,7 @@ import secrets
 import time
 from collections.abc import Callable, Sequence
 from typing import Any, Final
+from urllib.parse import parse_qsl
 
 from starlette.datastructures import Headers, MutableHeaders
 from starlette.responses import RedirectResponse
@@ -123,7 +124,11 @@ class ServiceMiddleware:
         if scope["method"] not in SAFE_METHODS or path.startswith(TOKEN_PATHS):
             _check_site(headers, self.settings.cors_origins)
         if self.token and path.startswith(TOKEN_PATHS) and path not in CAR_TOKEN_PATHS:
-            self._check_token(headers.getlist("authorization"))
+            of_query = (
+                dict(parse_qsl(scope["query_string"])).get(b"token") if path.endswith("/events") else None
+            )
+            bearer = [] if of_query is None else [f"Bearer {of_query.decode('latin-1')}"]
+            self._check_token(headers.getlist("authorization") or bearer)
 
     def _check_host(self, hosts: list[str]) -> None:
         allowed = self.settings.hosts

@@ -87,7 +87,8 @@ class Limits:
     car_bytes: int = 512_000_000
     learn_s: float = 1800.0
     listeners: int = 64
-    live_every_s: float = 5.0
+    live_every_s: float = 0.5
+    publish_every_s: float = 5.0
     memory_bytes: int = 2_000_000_000
 
 
