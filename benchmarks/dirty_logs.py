@@ -113,7 +113,7 @@ def outcome(folder: Path, logger: str, seed: int) -> Outcome:
         faults = len(error.faults)
     start = time.perf_counter()
     try:
-        fleet = tw.read_logs(folder, "table", vehicle=load_vehicle(CAR))
+        fleet = tw.read_logs(folder, "table", car=load_vehicle(CAR))
     except InvalidInput as error:
         return Outcome(f"{error}"[:300], 0, sound, (), faults, harmless, 0.0)
     seconds = time.perf_counter() - start
@@ -160,7 +160,7 @@ def verdict(file: Path, kind: str, seed: int) -> str:
     vehicle = load_vehicle(CAR)
     drive = write_spoilt(file, kind, seed, vehicle)
     try:
-        fleet = tw.read_logs(file, "table", vehicle=vehicle)
+        fleet = tw.read_logs(file, "table", car=vehicle)
     except InvalidInput:
         return "refused"
     trips = tw.audit(fleet).trips
@@ -197,7 +197,7 @@ def owner_rows() -> Iterator[Row]:
         folder = Path(place) / "logs"
         truth = write_leaf_spy_owner(folder)
         runner = CliRunner()
-        runner.invoke(app, ["car", "new", f"{place}/leaf", "--vehicle", CAR])
+        runner.invoke(app, ["car", "new", f"{place}/leaf", "--car", CAR])
         start = time.perf_counter()
         with contextlib.redirect_stderr(io.StringIO()):
             result = runner.invoke(app, ["car", "add", f"{place}/leaf", f"{folder}"])

@@ -33,7 +33,7 @@ def held_blocks(trips: Sequence[Trip], vehicle: Vehicle, blocks: int) -> dict[st
     """Scores of the forecast on blocks of time, each left out of the fit."""
     done = tw.evaluate(
         in_order(trips),
-        vehicle=vehicle,
+        car=vehicle,
         protocol="forecast",
         models=["hybrid"],
         hold_outs=KFold(blocks),

@@ -180,7 +180,7 @@ def test_the_departure_counts_before_what_the_file_holds(model):
 def test_one_forecast_in_one_call_is_that_of_the_model(model):
     plan, departure = tw.read_route(LINKS), tw.Departure(soc=0.8, ambient_temperature_degc=3)
     assert tw.forecast(plan, departure).to_dict() == model.forecast(plan, departure).to_dict()
-    other = tw.forecast(plan, departure, model=model, vehicle="vw_id3")
+    other = tw.forecast(plan, departure, model=model, car="vw_id3")
     assert other.flags[0] == Flag("no_trips_of_car", model.vehicle.title)
     assert other.vehicle.name == "vw_id3"
 

@@ -106,7 +106,7 @@ def read_trips(
     mapping: Path | str | None = None,
     *,
     strict: bool = False,
-    vehicle: Vehicle | str | None = None,
+    car: Vehicle | str | None = None,
 ) -> tuple[Trip, ...]:
     """Read logs, audit them and return the sound drives: `read_logs`, then `audit`.
 
@@ -120,7 +120,7 @@ def read_trips(
         Names of the columns of a table, as for `read_logs`.
     strict : bool
         Refuse what cannot be read as it stands, as for `read_logs`.
-    vehicle : Vehicle or str, optional
+    car : Vehicle or str, optional
         The car of logs that have only the state of charge, as for `read_logs`.
 
     Returns
@@ -138,7 +138,7 @@ def read_trips(
     >>> import tripwatt as tw
     >>> trips = tw.read_trips("exports", "table", "leaf_spy")  # doctest: +SKIP
     """
-    return audit(read_logs(path, dataset, mapping, strict=strict, vehicle=vehicle)).trips
+    return audit(read_logs(path, dataset, mapping, strict=strict, car=car)).trips
 
 
 def forecast(
@@ -146,7 +146,7 @@ def forecast(
     departure: Departure | None = None,
     *,
     model: ForecastModel | Path | str | None = None,
-    vehicle: Vehicle | str | None = None,
+    car: Vehicle | str | None = None,
 ) -> Forecast:
     """Forecast the battery energy of a drive with a stored model, for its own car or for another one.
 
@@ -158,7 +158,7 @@ def forecast(
         Its known fields replace those of the plan.
     model : ForecastModel or path, optional
         By default the model that comes with the package.
-    vehicle : Vehicle or str, optional
+    car : Vehicle or str, optional
         A car other than the model's own. No trips of this car are known, so the interval is wider.
 
     Returns
@@ -178,12 +178,12 @@ def forecast(
     Departure(soc=0.8, ambient_temperature_degc=-5)
     """
     recorded = plan if isinstance(plan, Plan | Trip) else read_route(plan)
-    return for_car(model, vehicle).forecast(recorded, departure)
+    return for_car(model, car).forecast(recorded, departure)
 
 
 def fit(
     trips: Trips,
-    vehicle: Vehicle | str,
+    car: Vehicle | str,
     *,
     corrector: str | Corrector = DEFAULT_CORRECTOR,
     seed: int = 0,
@@ -197,7 +197,7 @@ def fit(
     ----------
     trips : TripSet, sequence of Trip, or tables as for `read_logs`
         A `TripSet` and tables are audited first.
-    vehicle : Vehicle or str
+    car : Vehicle or str
         The car, or its name in the library.
     corrector : str or Corrector
         One of `tripwatt.hybrid.POWER_CORRECTORS`, the name of a corrector of an installed package, or an object: a regressor
@@ -233,7 +233,7 @@ def fit(
     >>> tw.fit(tw.sample_trips(), "bmw_i3_60ah", corrector=HistGradientBoostingRegressor())
     <ForecastModel BMW i3 60 Ah, HistGradientBoostingRegressor corrector, 15 trips>
     """
-    car, sound = _car(vehicle), _sound(trips)
+    car, sound = _car(car), _sound(trips)
     if isinstance(covariates, str):
         raise InvalidInput.of("unknown type", "covariates", f"the text {covariates!r}", "a list of names")
     model, _ = fit_car(
@@ -242,7 +242,7 @@ def fit(
     return model
 
 
-def adapt(base: ForecastModel, trips: Trips, vehicle: Vehicle | str) -> ForecastModel:
+def adapt(base: ForecastModel, trips: Trips, car: Vehicle | str) -> ForecastModel:
     """Adapt a model of one car to another car, with a few trips of the new car.
 
     Parameters
@@ -251,7 +251,7 @@ def adapt(base: ForecastModel, trips: Trips, vehicle: Vehicle | str) -> Forecast
         A fitted model.
     trips : TripSet, sequence of Trip, or tables as for `read_logs`
         At least one trip with measured energy; a `TripSet` and tables are audited first.
-    vehicle : Vehicle or str
+    car : Vehicle or str
         The new car, or its name in the library.
 
     Returns
@@ -270,19 +270,17 @@ def adapt(base: ForecastModel, trips: Trips, vehicle: Vehicle | str) -> Forecast
     >>> tw.adapt(tw.load_model(), tw.sample_trips("ved").trips[:3], "nissan_leaf_24")
     <ForecastModel Nissan Leaf 24 kWh, population corrector, 3 trips>
     """
-    return adaptation(base, _sound(trips), _car(vehicle)).model
+    return adaptation(base, _sound(trips), _car(car)).model
 
 
-def simulate(
-    trip: Plan | Trip | Route, vehicle: Vehicle | str, departure: Departure | None = None
-) -> Simulation:
+def simulate(trip: Plan | Trip | Route, car: Vehicle | str, departure: Departure | None = None) -> Simulation:
     """Simulate one drive with one car: physics alone, without a correction. O(samples). For many drives and cars, see `sweep`.
 
     Parameters
     ----------
     trip : Plan or Trip, or what `read_route` reads
         The drive. If it is a recorded trip, only what was known at its departure is used.
-    vehicle : Vehicle or str
+    car : Vehicle or str
         The car, or its name in the library.
     departure : Departure, optional
         Its known fields replace those of the plan.
@@ -303,12 +301,12 @@ def simulate(
     >>> bool(run.simulated_energy_wh > 0.0)
     True
     """
-    return simulate_trip(_car(vehicle), _plan(trip, departure))
+    return simulate_trip(_car(car), _plan(trip, departure))
 
 
 def sweep(
     trip: Plan | Trip | Route | Iterable[Plan | Trip],
-    vehicle: Cars,
+    car: Cars,
     values: Mapping[str, npt.ArrayLike] = types.MappingProxyType({}),
     departure: Departure | None = None,
     *,
@@ -323,7 +321,7 @@ def sweep(
     ----------
     trip : Plan or Trip, or an iterable of them, or what `read_route` reads
         The drives, as for `simulate`.
-    vehicle : Vehicle or str, or a sequence of them
+    car : Vehicle or str, or a sequence of them
         The cars, or their names in the library.
     values : mapping of str to (float or str), or to a sequence of these
         Values to try: of a field of the departure, ``{"ambient_temperature_degc": [-10.0, 20.0], "season": ["winter"]}``, or of an
@@ -357,7 +355,7 @@ def sweep(
     >>> len(table), table.attrs["units"]["mass"], bool(table["energy_wh"][3] > table["energy_wh"][1])
     (4, 'kg', True)
     """
-    cars = [_car(each) for each in ([vehicle] if isinstance(vehicle, Vehicle | str) else vehicle)]
+    cars = [_car(each) for each in ([car] if isinstance(car, Vehicle | str) else car)]
     tried = [np.ravel(np.array(given, dtype=object)).tolist() for given in values.values()]
     names, rows, document = list(values), list(itertools.product(*tried)), cache(vehicle_document)
 
@@ -418,10 +416,10 @@ def _plan(trip: Plan | Trip | Route, departure: Departure | None) -> Plan:
     return (recorded if isinstance(recorded, Plan) else Plan.from_trip(recorded)).with_departure(departure)
 
 
-def _car(vehicle: Vehicle | str) -> Vehicle:
-    if not isinstance(vehicle, Vehicle | str | Path):
-        raise InvalidInput.of("no car", "vehicle", type(vehicle).__name__, "a Vehicle, or the name of one")
-    return vehicle if isinstance(vehicle, Vehicle) else load_vehicle(vehicle)
+def _car(car: Vehicle | str) -> Vehicle:
+    if not isinstance(car, Vehicle | str | Path):
+        raise InvalidInput.of("no car", "car", type(car).__name__, "a Vehicle, or the name of one")
+    return car if isinstance(car, Vehicle) else load_vehicle(car)
 
 
 def _sound(trips: Trips) -> Sequence[Trip]:

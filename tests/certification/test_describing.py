@@ -151,7 +151,7 @@ def test_a_described_car_is_written_read_and_forecast(tmp_path) -> None:
     at = tw.Departure(soc=0.8, ambient_temperature_degc=15)
 
     def width(vehicle) -> float:
-        low, high = tw.forecast(plan, at, vehicle=vehicle).interval(0.9)
+        low, high = tw.forecast(plan, at, car=vehicle).interval(0.9)
         return (high - low) / low
 
     # measured road load < certification alone < class
@@ -165,7 +165,7 @@ def test_a_car_beyond_the_library_is_titled_flagged_and_widened() -> None:
 
     def found(mass_kg: float) -> tuple[str, list[str], float, float]:
         car = describe_car(mass_kg=mass_kg)
-        forecast = tw.forecast(plan, tw.Departure(soc=0.9, ambient_temperature_degc=20.0), vehicle=car)
+        forecast = tw.forecast(plan, tw.Departure(soc=0.9, ambient_temperature_degc=20.0), car=car)
         certified = certified_interval(car)
         codes = [flag.code for flag in forecast.flags]
         return car.title, codes, forecast.sd_wh / forecast.energy_wh, certified.high / certified.low

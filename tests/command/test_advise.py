@@ -24,7 +24,7 @@ def route(tmp_path: Path) -> Path:
     return path
 
 
-OPTIONS = ("--soc", 0.5, "--ambient", -5, "--extra", "roof_box", "--vehicle", "vw_id3", "--chance", 0.9)
+OPTIONS = ("--soc", 0.5, "--ambient", -5, "--extra", "roof_box", "--car", "vw_id3", "--chance", 0.9)
 
 
 def test_advice_has_the_numbers_of_python(run: Run, route: Path) -> None:

@@ -94,7 +94,7 @@ def comparable(results: dict[str, Any]) -> dict[str, Any]:
 def test_faults_of_options_and_data_come_in_one_message(run: Callable[..., Answer], tmp_path: Path) -> None:
     (tmp_path / "a_file").write_text("x")
     answer = run(
-        "evaluate", tmp_path / "nowhere", "--out", tmp_path / "a_file", "--protocol", "papper", "--vehicle", "leaf",
+        "evaluate", tmp_path / "nowhere", "--out", tmp_path / "a_file", "--protocol", "papper", "--car", "leaf",
         "--set", "mass", "--jobs", 0,
     )  # fmt: skip
     assert answer.code == 2
@@ -113,7 +113,7 @@ def test_faults_of_options_and_data_come_in_one_message(run: Callable[..., Answe
             ["forrest", "mass", "nowhere.toml"],
         ),
         (["--models", ",", "--dataset", "tumm", "--set", "wings=2"], ["--models", "tumm", "wings"]),
-        (["--dataset", "ved", "--vehicle", "no/such.toml"], ["tum", "such.toml"]),
+        (["--dataset", "ved", "--car", "no/such.toml"], ["tum", "such.toml"]),
         (["--modles", "physics"], ["--modles"]),
     ],
 )
@@ -212,7 +212,7 @@ def evaluated(tables: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[P
         patch.setattr("tripwatt.study.report.html.PNG_DPI", 40)
         patch.setattr("matplotlib.layout_engine.ConstrainedLayoutEngine.execute", lambda self, figure: None)
         answer = answered(
-            "evaluate", tables, "--dataset", "table", "--vehicle", "bmw_i3_94ah", "--set", "mass=1250",
+            "evaluate", tables, "--dataset", "table", "--car", "bmw_i3_94ah", "--set", "mass=1250",
             "--models", *models, "--out", out, "--json", "--jobs", 1,
         )  # fmt: skip
     return out, answer
@@ -391,7 +391,7 @@ def test_simulate_says_what_the_energy_went_into(run: Callable[..., Answer], tum
     people = run("simulate", tables / "S001.csv")
     assert people.code == 0
     assert "rolling" in people.out
-    assert "--vehicle" in people.err, "a table does not say which car it is"
+    assert "--car" in people.err, "a table does not say which car it is"
 
 
 def test_mapping_is_proposed_written_used_and_listed(

@@ -33,12 +33,12 @@ def test_a_store_from_the_command_line(tmp_path):
     for i in range(3):
         drive(start=0.3 * i).samples.to_csv(tmp_path / f"d{i}.csv", index=False)
     for i in range(2):
-        run("store", "add", store, tmp_path / f"d{i}.csv", "--vehicle", "vw_id3", "--vehicle-id", "V1")
+        run("store", "add", store, tmp_path / f"d{i}.csv", "--car", "vw_id3", "--vehicle-id", "V1")
     added = json.loads(
-        run("store", "add", store, tmp_path / "d2.csv", "--vehicle", "vw_id3", "--vehicle-id", "V2", "--json")
+        run("store", "add", store, tmp_path / "d2.csv", "--car", "vw_id3", "--vehicle-id", "V2", "--json")
     )
     assert added == {"added": 1, "known": 0, "unusable": 0}
-    again = run("store", "add", store, tmp_path / "d2.csv", "--vehicle", "vw_id3", "--vehicle-id", "V2")
+    again = run("store", "add", store, tmp_path / "d2.csv", "--car", "vw_id3", "--vehicle-id", "V2")
     assert "0 trips added, 1 were known" in again
     about = tw.open_store(store).about()
     assert (about["trips"], about["vehicles"], about["car_models"]) == (3, 2, {"vw_id3": 3})
@@ -50,7 +50,7 @@ def test_a_store_from_the_command_line(tmp_path):
     missing = CliRunner().invoke(app, ["store", "compact", str(tmp_path / "none")])
     assert isinstance(missing.exception, InvalidInput)
     unknown = CliRunner().invoke(
-        app, ["store", "add", str(store), str(tmp_path / "d0.csv"), "--vehicle", "vw_id33"]
+        app, ["store", "add", str(store), str(tmp_path / "d0.csv"), "--car", "vw_id33"]
     )
     assert isinstance(unknown.exception, InvalidInput)
 
@@ -99,7 +99,7 @@ def test_a_car_of_a_file_is_kept_by_its_whole_path(tmp_path, monkeypatch):
     store = tmp_path / "s"
     run("store", "create", store)
     monkeypatch.chdir(tmp_path)
-    run("store", "add", store, "d.csv", "--vehicle", "./evito.toml", "--vehicle-id", "V1")
+    run("store", "add", store, "d.csv", "--car", "./evito.toml", "--vehicle-id", "V1")
     assert tw.open_store(store).about()["car_models"] == {f"{car}": 1}
     other = tmp_path / "other"
     other.mkdir()
@@ -117,7 +117,7 @@ def test_a_fault_of_many_files_is_listed_once(tmp_path):
         drive(start=0.3 * i).samples.to_csv(tmp_path / f"d{i}.csv", index=False)
     run("store", "create", tmp_path / "s")
     done = CliRunner().invoke(
-        app, ["store", "add", f"{tmp_path / 's'}", f"{tmp_path}", "--dataset", "table", "--vehicle", "vw_id3"]
+        app, ["store", "add", f"{tmp_path / 's'}", f"{tmp_path}", "--dataset", "table", "--car", "vw_id3"]
     )
     (fault,) = done.exception.faults
     assert (fault.what, fault.where) == ("vehicle is missing", "d0 (and 2 more places)")

@@ -156,7 +156,7 @@ def test_fit_writes_a_model_that_forecast_and_inspect_take(run: Run, trip: Path,
 
 def test_fit_names_everything_that_is_wrong_and_writes_nothing(run: Run, tmp_path: Path) -> None:
     (tmp_path / "taken").write_text("x")
-    options = ("--out", tmp_path / "taken", "--corrector", "gamm", "--vehicle", "leaf")
+    options = ("--out", tmp_path / "taken", "--corrector", "gamm", "--car", "leaf")
     answer = run("fit", tmp_path / "nowhere", *options)
     assert answer.code == 2
     for said in ("taken", "gamm", "leaf", "nowhere"):
@@ -183,14 +183,14 @@ def test_a_changed_copy_of_the_models_car_is_forecast_with_its_own_values(run: R
     copy.write_text(render_vehicle(car))
     departure = ("--soc", 0.9, "--ambient", 20)
     own = json.loads(run("forecast", links, *departure, "--json").out)
-    assert json.loads(run("forecast", links, *departure, "--vehicle", copy, "--json").out) == own
+    assert json.loads(run("forecast", links, *departure, "--car", copy, "--json").out) == own
     known = f"curb_mass_kg = {{ value = {car.body.curb_mass_kg}"
     copy.write_text(render_vehicle(car).replace(known, "curb_mass_kg = { value = 2500.0"))
-    heavy = json.loads(run("forecast", links, *departure, "--vehicle", copy, "--json").out)
+    heavy = json.loads(run("forecast", links, *departure, "--car", copy, "--json").out)
     lift_wh = (2500.0 - car.body.curb_mass_kg) * GRAVITY_M_S2 * 250.0 / 3600.0
     assert heavy["energy_wh"] - own["energy_wh"] > lift_wh
     assert heavy["flags"][0]["code"] == "changed_car"
-    shown = run("forecast", links, *departure, "--vehicle", copy)
+    shown = run("forecast", links, *departure, "--car", copy)
     assert "body.curb_mass_kg is 2500 kg in place of 1281 kg" in " ".join((shown.out + shown.err).split())
 
 

@@ -61,7 +61,7 @@ def test_an_energy_that_the_car_cannot_take_is_held_back(
 
 def test_a_car_learns_a_power_without_a_listed_name(run: Run, tmp_path: Path, data_dir: Path) -> None:
     logs = data_dir / "reports/01_power_column_unknown_name/hv_kw"
-    assert run("car", "new", tmp_path / "car", "--vehicle", "bmw_i3_60ah").code == 0
+    assert run("car", "new", tmp_path / "car", "--car", "bmw_i3_60ah").code == 0
     assert run("car", "add", tmp_path / "car", logs).code == 0
     diary = open_car(tmp_path / "car").diary.table
     assert sorted(diary["energy_wh"]) == pytest.approx([1555.0, 2303.0, 5840.0], rel=0.001)

@@ -109,13 +109,13 @@ def test_a_bad_route_is_one_message_with_the_options_faults(
 
 def test_export_prints_the_curve_of_the_car(run: Run) -> None:
     service = "here"
-    answer = run("export", service, "--vehicle", "nissan_leaf_40", "--ambient", -5)
+    answer = run("export", service, "--car", "nissan_leaf_40", "--ambient", -5)
     assert answer.code == 0
     car = load_vehicle("nissan_leaf_40")
     expected = EXPORTS[service](consumption_curve(car, Departure(soc=0.8, ambient_temperature_degc=-5.0)))
     assert json.loads(answer.out) == expected
     assert "physics only" in answer.err
-    query = run("export", service, "--vehicle", "nissan_leaf_40", "--ambient", -5, "--query")
+    query = run("export", service, "--car", "nissan_leaf_40", "--ambient", -5, "--query")
     assert {k: v[0] for k, v in parse_qs(query.out.strip()).items()} == expected
 
 
@@ -136,7 +136,7 @@ def test_export_of_a_model_is_what_the_model_forecasts(run: Run) -> None:
     exported = dict(table.tolist())[60.0] * 20_000.0 + float(said["ev[auxiliaryConsumption]"]) * seconds
     # the auxiliaries of HERE are the mean of half an hour, those of the forecast of its first 20 minutes
     assert exported == pytest.approx(forecast.energy_wh, rel=0.12)
-    bare = json.loads(run("export", "here", "--vehicle", "bmw_i3_60ah", "--ambient", 5, "--setpoint", 21).out)
+    bare = json.loads(run("export", "here", "--car", "bmw_i3_60ah", "--ambient", 5, "--setpoint", 21).out)
     assert bare["ev[freeFlowSpeedTable]"] != said["ev[freeFlowSpeedTable]"]
 
 
@@ -147,9 +147,9 @@ def test_export_names_all_faults(run: Run, tmp_path: Path) -> None:
     assert answer.code == 2
     for said in ("none", "--ambient", "--payload", "--soc"):
         assert said in answer.err
-    answer = run("export", "mapbox", "--model", "x", "--vehicle", "nissan_leaf_40")
+    answer = run("export", "mapbox", "--model", "x", "--car", "nissan_leaf_40")
     assert answer.code == 2
     assert "one of the two" in answer.err
-    answer = run("export", "tomtoms", "--vehicle", "nissan_leaf_40")
+    answer = run("export", "tomtoms", "--car", "nissan_leaf_40")
     assert answer.code == 2
     assert "tomtom" in answer.err

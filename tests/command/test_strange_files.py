@@ -126,7 +126,7 @@ def place(tmp_path_factory: pytest.TempPathFactory) -> Path:
     rows = "".join(f"{t},10,360,20,{0.9 - t / 1e5}\n" for t in range(60))
     (made / "trip.csv").write_text(f"time_s,speed_m_s,voltage_v,current_a,soc\n{rows}")
     assert answered("store", "create", made / "store").code == 0
-    assert answered("car", "new", made / "car", "--vehicle", "nissan_leaf_24").code == 0
+    assert answered("car", "new", made / "car", "--car", "nissan_leaf_24").code == 0
     return made
 
 
@@ -178,9 +178,9 @@ FAKED = "a\nfaked: \x1b[2J\r\u2028b"
         ("mapping", "suggest", "{file}", "--out", "{new}"),
         ("mapping", "apply", "{torn}", "--out", "{new}"),
         ("mapping", "apply", "{file}", "--out", "{folder}"),
-        ("simulate", "{file}", "--vehicle", "bmw_i3_60ah"),
-        ("simulate", "{file}", "--vehicle", "{new}"),
-        ("car", "new", "{car}", "--vehicle", "vw_id3"),
+        ("simulate", "{file}", "--car", "bmw_i3_60ah"),
+        ("simulate", "{file}", "--car", "{new}"),
+        ("car", "new", "{car}", "--car", "vw_id3"),
         ("car", "add", "{car}", "{file}"),
         ("inspect", "{folder}"),
         ("example-trip", "--out", "{folder}"),

@@ -119,11 +119,11 @@ def test_from_a_strange_table_to_a_forecast(run, tmp_path) -> None:
     assert run("mapping", "suggest", "logs", "--out", "my.toml").code == 0
     audited = run("audit", "logs", "--mapping", "my.toml", "--json")
     assert len(json.loads(audited.out)["used"]) == 8, audited.out
-    simulated = run("simulate", "logs", "--mapping", "my.toml", "--vehicle", "vw_id3", "--trip", "fahrt2", "--json")  # fmt: skip
+    simulated = run("simulate", "logs", "--mapping", "my.toml", "--car", "vw_id3", "--trip", "fahrt2", "--json")  # fmt: skip
     answer = json.loads(simulated.out)
     assert answer["vehicle"] == "vw_id3"
     assert answer["simulated_energy_wh"] > 0 < answer["observed_energy_wh"]
-    fit = run("fit", "logs", "--mapping", "my.toml", "--vehicle", "vw_id3", "--corrector", "linear", "--out", "model")  # fmt: skip
+    fit = run("fit", "logs", "--mapping", "my.toml", "--car", "vw_id3", "--corrector", "linear", "--out", "model")  # fmt: skip
     assert fit.code == 0, fit.err
     assert run("mapping", "apply", "logs", "--mapping", "my.toml", "--trip", "fahrt2").code == 0
     found = run("forecast", "model", "trip.csv", "--json")

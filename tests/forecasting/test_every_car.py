@@ -24,7 +24,7 @@ KNOWN = Departure(
 
 @pytest.fixture(scope="module", params=some_cars())
 def forecast(request):
-    return tw.forecast(tw.read_route(LINKS), vehicle=request.param, departure=KNOWN)
+    return tw.forecast(tw.read_route(LINKS), car=request.param, departure=KNOWN)
 
 
 def test_probability_to_arrive_is_that_of_the_quantiles(forecast):

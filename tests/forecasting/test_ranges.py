@@ -81,10 +81,10 @@ def test_an_unknown_outside_temperature_has_the_chances_of_a_year(name):
     year_degc = 10.0 + 8.0 * norm.ppf((np.arange(20) + 0.5) / 20)
     road = tw.read_route([{"length_m": 60_000.0, "speed_m_s": 20.0, "grade": 0.0}])
     car = load_vehicle(name)
-    unknown = tw.forecast(road, tw.Departure(soc=0.9), vehicle=car)
+    unknown = tw.forecast(road, tw.Departure(soc=0.9), car=car)
     energies_wh = []
     for degc in year_degc:
-        known = tw.forecast(road, tw.Departure(soc=0.9, ambient_temperature_degc=degc), vehicle=car)
+        known = tw.forecast(road, tw.Departure(soc=0.9, ambient_temperature_degc=degc), car=car)
         energies_wh += [known.quantile(q) for q in (np.arange(20) + 0.5) / 20]
     assert unknown.energy_wh == pytest.approx(np.mean(energies_wh), rel=0.02)
     for coverage in (0.5, 0.8, 0.9):

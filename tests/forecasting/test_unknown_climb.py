@@ -84,7 +84,7 @@ def test_probabilities_are_the_inverse_of_quantiles(terrain_, p, soc):
 @pytest.mark.parametrize("vehicle", ["bmw_i3_60ah", "nissan_leaf_40", "tesla_model_3_lr"])
 def test_hills_on_the_way_cost(vehicle):
     """As much as a simulation of such a road; without them each scenario takes less, and no climb is a gain."""
-    found = tw.forecast(road(), replace(COLD, terrain="mountains"), vehicle=vehicle)
+    found = tw.forecast(road(), replace(COLD, terrain="mountains"), car=vehicle)
     climbing = found.climbing
     assert climbing is not None
     steep = float(climbing.hill[-1])
@@ -102,7 +102,7 @@ def test_hills_on_the_way_cost(vehicle):
 
 @pytest.mark.parametrize("vehicle", ["bmw_i3_60ah", "nissan_leaf_40", "tesla_model_3_lr"])
 def test_a_metre_of_climb_takes_what_the_simulation_says(vehicle):
-    found = tw.forecast(road(), COLD, vehicle=vehicle)
+    found = tw.forecast(road(), COLD, car=vehicle)
     assert found.climbing is not None
     for grade in (0.01, 0.03):
         climb = grade / np.hypot(1.0, grade) * 15_000.0

@@ -99,7 +99,7 @@ def test_own_trips_take_the_flags_away(other: tw.ForecastModel) -> None:
 
 
 def test_the_library_flags_another_car() -> None:
-    assert codes(tw.forecast(LINKS, vehicle=OTHER).flags)[0] == FIRST
+    assert codes(tw.forecast(LINKS, car=OTHER).flags)[0] == FIRST
 
 
 def test_a_car_on_the_road_flags_that_it_has_no_trips(other: tw.ForecastModel, tmp_path: Path) -> None:
@@ -133,7 +133,7 @@ def car_file(folder: Path, name: str = "bmw_i3_60ah", mass_kg: float | None = No
 
 def test_more_mass_takes_at_least_its_potential_energy_uphill() -> None:
     lift_wh = MORE_KG * GRAVITY_M_S2 * 250.0 / 3600.0
-    heavy, own = (tw.forecast(UPHILL, DEPARTURE, vehicle=car) for car in (HEAVY, None))
+    heavy, own = (tw.forecast(UPHILL, DEPARTURE, car=car) for car in (HEAVY, None))
     more = [f.to_dict()["by_cause_wh"]["climb"] for f in (heavy, own)]
     assert more[0] - more[1] == pytest.approx(lift_wh, rel=0.01)
     assert heavy.energy_wh - own.energy_wh > lift_wh
@@ -143,7 +143,7 @@ def test_more_mass_takes_its_kinetic_energy_on_acceleration() -> None:
     time = np.arange(31.0)
     drive = pd.DataFrame({"time_s": time, "speed_m_s": np.minimum(time, 20.0), "elevation_m": 500.0})
     plan = Plan.from_samples(drive, "start")
-    found = [tw.forecast(plan, DEPARTURE, vehicle=car).to_dict()["by_cause_wh"] for car in (HEAVY, I3)]
+    found = [tw.forecast(plan, DEPARTURE, car=car).to_dict()["by_cause_wh"] for car in (HEAVY, I3)]
     kinetic_wh = 0.5 * MORE_KG * I3.body.rotating_mass_factor * 20.0**2 / 3600.0
     assert found[0]["acceleration"] - found[1]["acceleration"] == pytest.approx(kinetic_wh, rel=1e-3)
 
@@ -171,7 +171,7 @@ def test_a_copy_with_one_changed_value_is_noticed(tmp_path: Path) -> None:
 
 def test_the_interval_of_a_changed_car_is_wider_and_its_mean_close_to_the_own_car_s() -> None:
     nearly = tw.load_vehicle("bmw_i3_60ah", overrides={"mass": I3.body.curb_mass_kg + 1.0})
-    found, own = (tw.forecast(FLAT, DEPARTURE, vehicle=car) for car in (nearly, None))
+    found, own = (tw.forecast(FLAT, DEPARTURE, car=car) for car in (nearly, None))
     assert found.energy_wh == pytest.approx(
         own.energy_wh, rel=0.07
     )  # the correction of its trips counts less
@@ -223,5 +223,5 @@ def test_an_own_car_from_a_changed_file_starts_with_its_values(tmp_path: Path) -
     car = tw.create_car(tmp_path / "mine", car_file(tmp_path, mass_kg=HEAVY_KG))
     assert car.model().vehicle.body.curb_mass_kg == HEAVY_KG
     assert car.model().forecast(tw.read_route(UPHILL), DEPARTURE).energy_wh == pytest.approx(
-        tw.forecast(UPHILL, DEPARTURE, vehicle=HEAVY).energy_wh
+        tw.forecast(UPHILL, DEPARTURE, car=HEAVY).energy_wh
     )

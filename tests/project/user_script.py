@@ -21,7 +21,7 @@ def plans(route: Path) -> list[tw.Plan]:
 
 def charge_to_leave_with(plan: tw.Plan) -> float:
     departure = tw.Departure(soc=0.8, ambient_temperature_degc=-5, payload_mass_kg=80.0)
-    forecast: tw.Forecast = tw.forecast(plan, departure, vehicle="vw_id3")
+    forecast: tw.Forecast = tw.forecast(plan, departure, car="vw_id3")
     low, high = forecast.interval(0.9)
     if forecast.energy_wh > high or forecast.p_arrive(0.1) < 0.5:
         return low
@@ -41,7 +41,7 @@ def by_cause(plan: tw.Plan) -> dict[str, float]:
     )
     figure: Figure = simulation.plot(ax=Figure().subplots())
     figure.clear()
-    more: dict[str, float] = tw.forecast(plan, vehicle=car).by_cause_wh
+    more: dict[str, float] = tw.forecast(plan, car=car).by_cause_wh
     return {cause: energy - simulation.by_cause_wh.get(cause, 0.0) for cause, energy in more.items()}
 
 
@@ -75,7 +75,7 @@ def trips_of_logs(folder: Path) -> tuple[tw.Trip, ...]:
         print(finding.trip, finding.what)
     car = tw.load_vehicle("bmw_i3_60ah")
     run = tw.evaluate(
-        fleet.trips, models=["constant", PerKilometre()], vehicle=car, hold_outs=[Halves(), "audited"]
+        fleet.trips, models=["constant", PerKilometre()], car=car, hold_outs=[Halves(), "audited"]
     )
     pair = run.compare("constant", "PerKilometre")
     print(

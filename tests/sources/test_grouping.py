@@ -39,7 +39,7 @@ def text_of(
 def energy_wh(folder: Path, text: str) -> float:
     folder.mkdir(exist_ok=True)
     (folder / "drive.csv").write_text(text)
-    (log,) = tw.read_logs(folder, "table", vehicle=load_vehicle("bmw_i3_60ah")).logs
+    (log,) = tw.read_logs(folder, "table", car=load_vehicle("bmw_i3_60ah")).logs
     assert log.observed_energy_wh is not None
     return log.observed_energy_wh
 
@@ -64,7 +64,7 @@ def test_a_few_shifted_rows_are_named_and_not_used(tmp_path: Path) -> None:
     for row in (100, 300):
         lines[row] = f"{row - 1},50.0,1,913,80"
     (tmp_path / "drive.csv").write_text("\n".join(lines) + "\n")
-    fleet = tw.read_logs(tmp_path / "drive.csv", "table", vehicle=load_vehicle("bmw_i3_60ah"))
+    fleet = tw.read_logs(tmp_path / "drive.csv", "table", car=load_vehicle("bmw_i3_60ah"))
     assert fleet.report is not None
     assert [fault.where.rpartition(" row ")[2] for fault in fleet.report.faults] == ["101", "301"]
     assert len(fleet.logs[0]) == len(TIME) - 2

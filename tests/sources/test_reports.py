@@ -29,11 +29,11 @@ def usual_wh(reports: Path) -> float:
 
 
 def forecast_wh(file: Path) -> float:
-    return tw.forecast(tw.read_route(file), vehicle="bmw_i3_60ah").energy_wh
+    return tw.forecast(tw.read_route(file), car="bmw_i3_60ah").energy_wh
 
 
 def energies(folder: Path) -> list[float]:
-    audited = tw.audit(tw.read_logs(folder, "table", vehicle=CAR))
+    audited = tw.audit(tw.read_logs(folder, "table", car=CAR))
     return [trip.observed_energy_wh or 0.0 for trip in audited.trips]
 
 
@@ -91,7 +91,7 @@ def test_the_files_that_cannot_be_read_are_refused_by_name(reports: Path, folder
     ],
 )
 def test_the_logs_without_a_use_are_set_aside_with_the_cause(reports: Path, name: str, words: str) -> None:
-    audited = tw.audit(tw.read_logs(reports / "12_messages" / name, "table", vehicle=CAR))
+    audited = tw.audit(tw.read_logs(reports / "12_messages" / name, "table", car=CAR))
     assert audited.trips == ()
     assert words in " ".join(
         finding.what for finding in audited.findings if finding.consequence == "set aside"

@@ -128,7 +128,7 @@ def dirty_logs() -> Answers:
         with tempfile.TemporaryDirectory() as place:
             write_dirty_folder(Path(place) / "logs", logger, probe.SEED)
             try:
-                fleet = tw.read_logs(Path(place) / "logs", "table", vehicle=tw.load_vehicle("nissan_leaf_40"))
+                fleet = tw.read_logs(Path(place) / "logs", "table", car=tw.load_vehicle("nissan_leaf_40"))
             except InvalidInput as error:
                 kept[logger] = [fault.what for fault in error.faults]
                 continue

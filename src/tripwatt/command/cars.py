@@ -91,7 +91,7 @@ def vehicles(
         return _describe(name, overrides or [])
     rows = [(each, titles[each]) for each in names]
     document = [{"name": each, "title": title} for each, title in rows]
-    return Answer(document, partial(print_table, "Cars for --vehicle NAME", ("name", "car"), rows))
+    return Answer(document, partial(print_table, "Cars for --car NAME", ("name", "car"), rows))
 
 
 def _new(given: dict[str, Any], out: Path | None) -> Answer:
@@ -109,7 +109,7 @@ def _new(given: dict[str, Any], out: Path | None) -> Answer:
     return Answer(
         document,
         f"{out} is written: {car.title}. On the WLTP it would use {certified.middle:.1f} kWh/100 km; 9 in 10 such cars use "
-        f"{certified.low:.1f} to {certified.high:.1f}. Forecast with `tripwatt forecast ROUTE --vehicle {out}`",
+        f"{certified.low:.1f} to {certified.high:.1f}. Forecast with `tripwatt forecast ROUTE --car {out}`",
     )
 
 
@@ -152,7 +152,7 @@ def simulate(
       # simulate a trip with a cooler cabin
       tripwatt simulate data/tum --trip TripB07 --set setpoint=18
       # simulate your own log with your own car
-      tripwatt simulate drive.csv --mapping my.toml --vehicle vw_id3
+      tripwatt simulate drive.csv --mapping my.toml --car vw_id3
     """
     from tripwatt.physics import simulate_trip
 
@@ -228,7 +228,7 @@ def export(
       # export the car of the bundled model
       tripwatt export here --ambient -5
       # export another car from physics only
-      tripwatt export tomtom --vehicle nissan_leaf_40 --query
+      tripwatt export tomtom --car nissan_leaf_40 --query
     """
     from tripwatt.export import export_curve, render_query
 
@@ -247,7 +247,7 @@ def _car(model: Path | None, vehicle: str | None) -> tuple[Vehicle, Callable[[tw
         note = f"{fitted.vehicle.title}: physics with the correction of the model"
         return fitted.vehicle, lambda trip: fitted.forecast(trip).by_cause_wh["correction"], note
     if model is not None:
-        got = f"--model {model} --vehicle {vehicle}"
-        raise InvalidInput.of("conflicting options", "--model and --vehicle", got, "one of the two")
+        got = f"--model {model} --car {vehicle}"
+        raise InvalidInput.of("conflicting options", "--model and --car", got, "one of the two")
     car = tw.load_vehicle(vehicle)
     return car, None, f"{car.title}: physics only, without a correction"

@@ -18,6 +18,8 @@ from tripwatt.command.sentences import begins
 from tripwatt.errors import InvalidInput
 from tripwatt.trips.showing import period
 
+CAR: Final = f"{shared.ANOTHER[:-1]}; or the folder of your own car (`tripwatt car new`)."
+
 
 @dataclass(frozen=True)
 class Drive:
@@ -25,18 +27,17 @@ class Drive:
 
     kind: Annotated[str, option("KIND", "Road: city, country, motorway, or mixed if unknown.")] = "mixed"
     reserve: shared.Reserve = 0.1
-    car: Annotated[Path | None, option("FOLDER", "Your own car, made by `tripwatt car new`.")] = None
-    vehicle: shared.Car = None
+    car: Annotated[str | None, option("NAME|FILE|FOLDER", CAR, "--car")] = None
     model: shared.Model = None
 
     def own(self) -> dict[str, Any]:
         """Return the car as keyword arguments of `need` and `range_km`; for a user's own car also `plan`, which plans its trips."""
-        if self.car is None:
-            return {"model": self.model, "vehicle": self.vehicle}
+        if self.car is None or not Path(self.car).is_dir():
+            return {"model": self.model, "car": self.car}
         from tripwatt.server.cars.plan import usual_plan
 
-        if self.vehicle is not None or self.model is not None:
-            raise InvalidInput.of("two cars", "--car", "--vehicle or --model too", "one of them")
+        if self.model is not None:
+            raise InvalidInput.of("two models", "--car", "--model too", "one of them")
         own = tw.open_car(self.car)
         return {"model": own.model(), "plan": partial(usual_plan, own)}
 
@@ -57,7 +58,7 @@ def need(
       # 50 km tomorrow at -5 degrees
       tripwatt need 50 km --ambient -5
       # five days to work and back on the motorway, enough in 9 of 10 weeks
-      tripwatt need 80 km --kind motorway --trips 5 --probability 0.9 --vehicle vw_id3
+      tripwatt need 80 km --kind motorway --trips 5 --probability 0.9 --car vw_id3
       # by when to charge, and when to preheat
       tripwatt need 50 km --ambient -5 --soc 0.3 --depart 07:30 --plug 3700 --json
       # a usual trip of your own car
@@ -66,16 +67,16 @@ def need(
     from tripwatt.roads.advice.preheating import need_before_departure
 
     with shared.options_named():
-        if (distance is None) == (trip is None) or (trip is not None and drive.car is None):
-            got = "both" if distance and trip else "a trip without its car" if trip else "neither"
-            allowed, fix = "a distance, or --trip with --car", "tripwatt need 50 km"
-            raise InvalidInput.of("what is to be driven", "DISTANCE, --trip", got, allowed, fix)
         car = drive.own()
         again = car.pop("plan", None)
+        if (distance is None) == (trip is None) or (trip is not None and again is None):
+            got = "both" if distance and trip else "a trip without its own car" if trip else "neither"
+            allowed, fix = "a distance, or --trip with --car FOLDER", "tripwatt need 50 km"
+            raise InvalidInput.of("what is to be driven", "DISTANCE, --trip", got, allowed, fix)
         ahead: Any = again(trip) if trip else _kilometres(distance or [])
         known, asked = departure(), {"probability": probability, "trips": trips, "reserve": drive.reserve}
         result, document = need_before_departure(ahead, drive.kind, known, plug, **asked, **car)
-        document |= {"usual_trip": trip} | ({"car": drive.car.name} if drive.car else {})
+        document |= {"usual_trip": trip} | ({"car": Path(f"{drive.car}").name} if again else {})
     return Answer(document, partial(_show_need, result, document, known.departs_at))
 
 
@@ -106,7 +107,7 @@ def range_(departure: Departing, drive: Drive) -> Answer:
       # how far with 35 % at 5 degrees
       tripwatt range --soc 0.35 --ambient 5
       # keep 10 %, as data
-      tripwatt range --soc 0.8 --reserve 0.1 --vehicle vw_id3 --json
+      tripwatt range --soc 0.8 --reserve 0.1 --car vw_id3 --json
     """
     with shared.options_named():
         car = drive.own()

@@ -54,7 +54,7 @@ def evaluate(
       # evaluate on the Nissan Leafs of the Vehicle Energy Dataset
       tripwatt evaluate data/ved --dataset ved
       # evaluate on tables of one car; `tripwatt mapping suggest` writes my.toml
-      tripwatt evaluate logs --mapping my.toml --vehicle vw_id3 --set mass=1900
+      tripwatt evaluate logs --mapping my.toml --car vw_id3 --set mass=1900
       # score forecasts before departure and during the trip
       tripwatt evaluate data/tum --protocol forecast
       # forecast each car of a file as one that nobody has seen, from all others
@@ -75,7 +75,7 @@ def evaluate(
             "--test": test,
             "--models": models and ",".join(models),
             "--hold-outs": hold_outs and ",".join(hold_outs),
-            "--vehicle": logs.vehicle,
+            "--car": logs.vehicle,
             "--set": logs.overrides,
             "--resume": resume or None,
         }
@@ -84,7 +84,7 @@ def evaluate(
     car, note = logs.named()
     options: dict[str, Any] = {"protocol": protocol, "models": _names(models), "hold_outs": _names(hold_outs)}
     with Check() as check:
-        options["vehicle"] = check(_checked_car, options, car, logs.overrides or [], jobs)
+        options["car"] = check(_checked_car, options, car, logs.overrides or [], jobs)
         check(require_place, out, None)
         with shown.status("reading trips"):
             fleet = check(logs.read)

@@ -81,7 +81,7 @@ def forecast(
       # forecast a track without times at a mean speed of 60 km/h
       tripwatt forecast ride.gpx --speed 60
       # forecast for another car of the library
-      tripwatt forecast ride.gpx --vehicle vw_id3 --soc 0.8
+      tripwatt forecast ride.gpx --car vw_id3 --soc 0.8
     """
     from tripwatt.forecasting.leaving import leave_with
     from tripwatt.sources.canonical import read_canonical
@@ -195,7 +195,7 @@ def advise(
       # is the charge enough, and what is the least that helps?
       tripwatt advise route.json --soc 0.5 --ambient -5
       # with a roof box, for another car, as data
-      tripwatt advise route.json --soc 0.5 --extra roof_box --vehicle vw_id3 --json
+      tripwatt advise route.json --soc 0.5 --extra roof_box --car vw_id3 --json
     """
     model, trip = model_and_trip(paths)
     with shared.options_named():

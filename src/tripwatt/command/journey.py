@@ -51,7 +51,7 @@ def plan(
       # plan a journey
       tripwatt plan Vaduz Buchs --map map --soc 0.8 --depart 07:30 --reserve 0.1
       # there and back
-      tripwatt plan Vaduz Malbun --map map --round-trip --ambient -5 --vehicle vw_id3
+      tripwatt plan Vaduz Malbun --map map --round-trip --ambient -5 --car vw_id3
       # with a router's server and coordinates
       tripwatt plan '47.14, 9.52' '47.37, 8.54' --map osrm=http://localhost:5000 --soc 0.9
     """
@@ -68,7 +68,7 @@ def plan(
                 charge=not no_charge,
                 preheat_battery=preheat_battery,
             )
-        journey = tw.plan_journey(stops, known, atlas=atlas, model=model, vehicle=vehicle, options=options)
+        journey = tw.plan_journey(stops, known, atlas=atlas, model=model, car=vehicle, options=options)
     return Answer(journey.to_dict, partial(_show, journey))
 
 

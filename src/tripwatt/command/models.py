@@ -38,9 +38,9 @@ def fit(
       # fit on your copy of the TUM trips
       tripwatt fit data/tum --out my-model
       # fit on tables of one car
-      tripwatt fit logs --mapping my.toml --vehicle vw_id3 --out my-model
+      tripwatt fit logs --mapping my.toml --car vw_id3 --out my-model
       # adapt the model of one car to another car with a few of its trips
-      tripwatt fit logs --mapping my.toml --vehicle nissan_leaf_24 --base i3-model --out leaf-model
+      tripwatt fit logs --mapping my.toml --car nissan_leaf_24 --base i3-model --out leaf-model
       # fit on the sample of real trips, to try the commands
       tripwatt fit --out example-model
     """

@@ -42,7 +42,7 @@ WORDS = {
 
 def new(
     car: Annotated[Path, argument("CAR", "New folder. Its name is that of the car.")],
-    vehicle: Annotated[str, option("NAME|FILE", "A name from `tripwatt vehicles`, or a TOML file.")],
+    vehicle: Annotated[str, option("NAME|FILE", "A name from `tripwatt vehicles`, or a TOML file.", "--car")],
     base: Annotated[Path | None, option("MODEL", "Model to adapt. Default: the bundled model.")] = None,
 ) -> Answer:
     """Make the folder of a car that learns from its trips.
@@ -50,9 +50,9 @@ def new(
     For example:
 
       # a car of the library
-      tripwatt car new cars/my-leaf --vehicle nissan_leaf_40
+      tripwatt car new cars/my-leaf --car nissan_leaf_40
       # a car of `tripwatt vehicles new`
-      tripwatt car new cars/my-car --vehicle my-car.toml
+      tripwatt car new cars/my-car --car my-car.toml
     """
     created = tw.create_car(car, vehicle, base=base)
     made_of = f"{created.folder}: {created.label}, {created.vehicle.title}, no trips yet"
@@ -86,7 +86,7 @@ def add(
       tripwatt car add cars/my-leaf exports --elevation map
     """
     opened, shown = tw.open_car(car), console()
-    options: dict[str, Any] = {"vehicle": opened.vehicle}
+    options: dict[str, Any] = {"car": opened.vehicle}
     if elevation is not None:
         from tripwatt.roads.maps import Elevation
 

@@ -28,14 +28,14 @@ Columns = Annotated[str | None, option("FILE.toml|NAME", COLUMNS, "--mapping")]
 STRICT: Final = "Refuse DATA that has faults, and list all of them. Default: leave out what has faults."
 Strict = Annotated[bool, flag("--strict", STRICT)]
 LOGGED: Final = "The car that was driven. Default: the car of the data set; for a table, the BMW i3."
-LoggedCar = Annotated[str | None, option("NAME|FILE.toml", LOGGED, "--vehicle")]
+LoggedCar = Annotated[str | None, option("NAME|FILE.toml", LOGGED, "--car")]
 SET: Final = (
     "Replace a value of the car, such as mass=1300; `tripwatt vehicles NAME` lists the keys. Repeatable."
 )
 Overrides = Annotated[list[str] | None, option("KEY=VALUE", SET, "--set")]
 TripId = Annotated[str | None, option("ID", "Trip to use if DATA contains several.", "--trip")]
 ANOTHER: Final = "Another car: a name from `tripwatt vehicles`, or a TOML file. The interval is wider."
-Car = Annotated[str | None, option("NAME|FILE", ANOTHER, "--vehicle")]
+Car = Annotated[str | None, option("NAME|FILE", ANOTHER, "--car")]
 Model = Annotated[Path | None, option("FOLDER", "Folder of a model. Default: the bundled one.", "--model")]
 Reserve = Annotated[float, option("0..1", "Charge to arrive with, as displayed.", "--reserve")]
 Probability = Annotated[float, option("0.5..1", "Probability that it is enough.", "--probability")]
@@ -66,7 +66,7 @@ CARS: Final[Mapping[str, str]] = {"synthetic": "bmw_i3_60ah", "tum": "bmw_i3_60a
 """Data set -> name of the car that was driven."""
 
 UNKNOWN_CAR: Final = "bmw_i3_60ah"
-"""Car that is assumed for a table without --vehicle; commands print a note about this."""
+"""Car that is assumed for a table without --car; commands print a note about this."""
 
 MAX_NAMES: Final = 12
 """Largest number of trips that a message lists."""
@@ -174,7 +174,7 @@ def one_trip(candidates: Sequence[tw.Trip], wanted: str | None, why_not: str = "
 @contextmanager
 def options_named() -> Iterator[None]:
     """Name faults by the options of the command instead of the arguments of the library, within a `with` block."""
-    others = {"vehicle": "--vehicle", "reserve": "--reserve", "speed_m_s": "--speed"}
+    others = {"vehicle": "--car", "car": "--car", "reserve": "--reserve", "speed_m_s": "--speed"}
     with places_named({name: field.option for name, field in ASKED.items()} | others):
         yield
 

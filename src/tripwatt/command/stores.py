@@ -73,7 +73,7 @@ def create(
 def add(
     store: Store,
     data: Annotated[Path, argument("DATA", "Folder or file of logged trips.")],
-    vehicle: Annotated[str, option("NAME|FILE", "Car model: a name of `tripwatt vehicles`, or a TOML file.")],
+    vehicle: Annotated[str, option("NAME|FILE", "A name of `tripwatt vehicles`, or a TOML file.", "--car")],
     vehicle_id: Annotated[str | None, option("ID", "The vehicle of logs that do not name theirs.")] = None,
     dataset: shared.Dataset = None,
     mapping: shared.Columns = None,
@@ -86,9 +86,9 @@ def add(
     For example:
 
       # add tables
-      tripwatt store add fleet logs --mapping my.toml --vehicle nissan_leaf_40
+      tripwatt store add fleet logs --mapping my.toml --car nissan_leaf_40
       # add a trip of one vehicle
-      tripwatt store add fleet drive.csv --vehicle vw_id3 --vehicle-id V17
+      tripwatt store add fleet drive.csv --car vw_id3 --vehicle-id V17
     """
     from tripwatt.fleet.store import add_files
 

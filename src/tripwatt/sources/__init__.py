@@ -25,7 +25,7 @@ def read_logs(
     mapping: Path | str | None = None,
     *,
     strict: bool = False,
-    vehicle: Vehicle | str | None = None,
+    car: Vehicle | str | None = None,
     progress: Callable[[int, int], None] | None = None,
     heights: Callable[[FloatArray, FloatArray], FloatArray] | None = None,
 ) -> TripSet:
@@ -47,7 +47,7 @@ def read_logs(
         from the header and the values of the files.
     strict : bool
         Refuse everything that cannot be read as it stands, with every fault.
-    vehicle : Vehicle or str, optional
+    car : Vehicle or str, optional
         For tables without a mapping: the car whose battery converts a state of charge into energy.
     progress : callable, optional
         For tables: called with (number of files read, number of all files).
@@ -82,8 +82,8 @@ def read_logs(
         from tripwatt.sources.table import read_table
         from tripwatt.vehicles import load_vehicle
 
-        car = load_vehicle(vehicle) if isinstance(vehicle, str) else vehicle
-        return read_table(source, mapping, strict=strict, vehicle=car, progress=progress, heights=heights)
+        known = load_vehicle(car) if isinstance(car, str) else car
+        return read_table(source, mapping, strict=strict, vehicle=known, progress=progress, heights=heights)
     if mapping is not None:
         raise InvalidInput.of(
             "mapping has no effect", "mapping", f"{mapping}", "only with the data set 'table'"

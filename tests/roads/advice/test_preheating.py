@@ -182,9 +182,9 @@ def test_charge_time_and_start_are_handed_over() -> None:
     leaves = dt.datetime(2026, 1, 12, 7, 30, tzinfo=dt.UTC)
     known = Departure(soc=0.3, ambient_temperature_degc=-5.0, departs_at=leaves)
     needed, until = need_before_departure(
-        60.0, "mixed", known, 3700.0, probability=0.95, reserve=0.1, vehicle=CAR
+        60.0, "mixed", known, 3700.0, probability=0.95, reserve=0.1, car=CAR
     )
-    same = tw.need(60.0, "mixed", known, vehicle=CAR, probability=0.95, reserve=0.1)
+    same = tw.need(60.0, "mixed", known, car=CAR, probability=0.95, reserve=0.1)
     assert replace(needed, flags=same.flags).to_dict() == same.to_dict()
     assert until["target_soc"] == same.soc_needed
     assert until["message"] == leave_in_words(same.soc_needed, 0.1, 0.95)
@@ -253,5 +253,5 @@ def test_a_rapid_charger_is_slower_with_a_cold_battery() -> None:
 def test_an_assumed_charging_curve_is_named(name: str, assumed: list[str]) -> None:
     for soc, expected in ((0.3, assumed), (None, [])):
         known = Departure(soc=soc, ambient_temperature_degc=20.0)
-        needed, _ = need_before_departure(50.0, "mixed", known, 7400.0, vehicle=name, reserve=0.1)
+        needed, _ = need_before_departure(50.0, "mixed", known, 7400.0, car=name, reserve=0.1)
         assert [flag.code for flag in needed.flags if flag.subject == "charging"] == expected

@@ -114,7 +114,7 @@ def test_what_is_missing_narrows_the_interval_and_what_is_given_does_not(model: 
     narrow = tw.need(50, "city", replace(MILD, ambient_temperature_degc=10.0), model=model)
     width = [(one.interval_wh[1] - one.interval_wh[0]) / one.energy_wh for one in (wide, narrow)]
     assert 0.98 * (1.0 - wide.doubt.narrower) * width[0] < width[1] < 0.9 * width[0]
-    assert tw.need(50, departure=MILD, model=model, vehicle="vw_id3").doubt.narrows == "own trips"
+    assert tw.need(50, departure=MILD, model=model, car="vw_id3").doubt.narrows == "own trips"
     assert tw.need(50, departure=MILD, model=model).doubt.narrows == "kind"
 
 

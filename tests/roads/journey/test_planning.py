@@ -114,7 +114,7 @@ def test_another_car_takes_another_energy_and_is_flagged(model):
         COLD,
         atlas=MADE,
         model=model,
-        vehicle="vw_id3",
+        car="vw_id3",
         options=JourneyOptions(answers=False),
     )
     assert other.forecast.vehicle.name == "vw_id3"

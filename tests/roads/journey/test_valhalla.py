@@ -269,7 +269,7 @@ def test_a_road_of_unknown_heights_into_the_mountains_is_not_promised(atlas: Atl
             ["Vaduz", "Malbun"],
             replace(mild, terrain=terrain),
             atlas=hidden,
-            vehicle="renault_zoe_ze50_r135",
+            car="renault_zoe_ze50_r135",
             options=JourneyOptions(answers=False),
         )
         for terrain in (None, "flat")

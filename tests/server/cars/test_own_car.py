@@ -255,7 +255,7 @@ def test_the_commands_are_the_library(base: Path, logs: tuple[Log, ...], tmp_pat
     files.mkdir()
     for log in logs[:2]:
         log.samples.to_csv(files / f"{log.trip_id}.csv", index=False)
-    assert "no trips yet" in run("car", "new", folder, "--vehicle", "nissan_leaf_24", "--base", base)
+    assert "no trips yet" in run("car", "new", folder, "--car", "nissan_leaf_24", "--base", base)
     assert "Add trips" in run("car", "show", folder)
     text = run("car", "add", folder, files)
     assert "2 trips added, 0 were known, 2 in the diary" in text

@@ -44,7 +44,7 @@ def test_a_forecast_equals_that_of_the_command_line(
 def test_python_gives_the_numbers_of_the_service(service: Service) -> None:
     departure = tw.Departure(soc=0.6, ambient_temperature_degc=3.0)
     for vehicle in (None, "vw_id3"):
-        own = tw.forecast(tw.read_route(LINKS), vehicle=vehicle, departure=departure).to_dict(0.2)
+        own = tw.forecast(tw.read_route(LINKS), car=vehicle, departure=departure).to_dict(0.2)
         asked = {"links": LINKS, "soc": 0.6, "ambient_temperature_degc": 3.0, "reserve": 0.2}
         answer = service.forecast(asked | ({"car": vehicle} if vehicle else {})).json()
         names = (
@@ -236,7 +236,7 @@ def asked(service: Service, path: str, **query: Any) -> Any:
 
 def test_need_has_the_numbers_of_python(service: Service) -> None:
     found = asked(service, "/v1/need", distance_km=50, kind="motorway", trips=3, car="vw_id3").json()
-    expected = need(50, "motorway", COLD, trips=3, vehicle="vw_id3").to_dict()
+    expected = need(50, "motorway", COLD, trips=3, car="vw_id3").to_dict()
     assert {name: found[name] for name in expected} == expected
     assert found["target_soc"] == min(found["soc_needed"], 1.0)
     assert found["preheat"]["before_s"] > 0.0

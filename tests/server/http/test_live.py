@@ -340,7 +340,7 @@ def test_a_car_without_a_description_is_flagged_until_it_has_one(served: Served,
     served.send(message(0.0, speed=0, soc=40.0))
     (flag,) = served("/v1/live/leaf").json()["flags"]
     assert flag["message"] == (
-        "leaf has no description: BMW i3 60 Ah is assumed; describe it with `tripwatt car new cars/leaf --vehicle NAME`"
+        "leaf has no description: BMW i3 60 Ah is assumed; describe it with `tripwatt car new cars/leaf --car NAME`"
     )
     assert flag["code"] in codes_of(served("/v1/range", params={"car": "leaf"}).json())
     made = create_car(tmp_path / "leaf", "hyundai_ioniq_5_lr_rwd")  # the folder has `live` and a token
@@ -907,7 +907,7 @@ def test_the_need_and_the_range_of_a_parked_car_are_those_of_the_library(publish
     published.take(PARKED)
     published.car.set_plan(PLAN)
     found = published.document()
-    own = tw.forecast(tw.read_route(LINKS), tw.Departure(ambient_temperature_degc=4.0), vehicle="vw_id3")
+    own = tw.forecast(tw.read_route(LINKS), tw.Departure(ambient_temperature_degc=4.0), car="vw_id3")
     assert found["need"]["probability"] == 0.95
     assert found["need"]["energy_quantile_wh"] == pytest.approx(own.quantile(0.95), rel=1e-6)
     needed = soc_needed(own, 0.2, 0.95)
@@ -916,7 +916,7 @@ def test_the_need_and_the_range_of_a_parked_car_are_those_of_the_library(publish
     assert found["need"]["charging_s"] == pytest.approx(charging_s, rel=1e-3)
     known = tw.Departure(soc=0.12, ambient_temperature_degc=-5.0)
     of_message, *flags = found["range"].pop("flags")
-    expected = tw.range_km(departure=known, vehicle="vw_id3").to_dict()
+    expected = tw.range_km(departure=known, car="vw_id3").to_dict()
     assert flags == expected.pop("flags")
     assert (of_message["code"], of_message["value"]) == ("of_last_message", -5.0)
     assert found["range"] == expected

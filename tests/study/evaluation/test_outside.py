@@ -115,7 +115,7 @@ def test_a_corrector_on_segments_is_a_forecast_with_intervals_and_updates():
 def test_trips_a_car_and_a_splitter(fleet, run):
     car = tw.load_vehicle("bmw_i3_60ah")
     own = tw.evaluate(
-        fleet.trips, models=["linear4", "physics"], vehicle=car, hold_outs=LeaveOneOut(), execution=HERE
+        fleet.trips, models=["linear4", "physics"], car=car, hold_outs=LeaveOneOut(), execution=HERE
     )
     ours = run.folds[(run.folds["scheme"] == "leave_one_trip_out") & (run.folds["trips"] == "audited")]
     theirs = own.folds
@@ -124,9 +124,7 @@ def test_trips_a_car_and_a_splitter(fleet, run):
         one, two = (f[f["model"] == model]["predicted_energy_wh"].to_numpy() for f in (ours, theirs))
         assert one == pytest.approx(two)
     heavy = tw.load_vehicle("bmw_i3_60ah", overrides={"mass": 2000.0})
-    given = tw.evaluate(
-        fleet, models=["physics"], vehicle=heavy, hold_outs=[GroupKFold(3), ONE], execution=HERE
-    )
+    given = tw.evaluate(fleet, models=["physics"], car=heavy, hold_outs=[GroupKFold(3), ONE], execution=HERE)
     assert list(dict.fromkeys(given.folds["scheme"])) == ["GroupKFold", "leave_one_trip_out"]
     assert (
         given.folds["predicted_energy_wh"].iloc[9:].to_numpy()

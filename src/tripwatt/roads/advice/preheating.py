@@ -267,7 +267,7 @@ def need_before_departure(
     >>> need_before_departure(50.0, "mixed", cold, 7400.0)[1]["preheat"]["before_s"] > 0.0
     True
     """
-    model = for_car(options.pop("model", None), options.pop("vehicle", None))
+    model = for_car(options.pop("model", None), options.pop("car", None))
     at_departure = options.pop("soc", departure.soc), departure.departs_at
     needed = need(ahead, kind, departure, model=model, **options)
     trip = ahead if isinstance(ahead, Plan | Trip) else typical_road(1000.0 * ahead, kind)

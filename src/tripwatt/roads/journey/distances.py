@@ -210,7 +210,7 @@ class Doubt:
     Examples
     --------
     >>> import tripwatt as tw
-    >>> doubt = tw.range_km(0.8, vehicle="vw_id3").doubt
+    >>> doubt = tw.range_km(0.8, car="vw_id3").doubt
     >>> round(doubt.car + doubt.road + doubt.weather + doubt.day, 9), doubt.narrows
     (1.0, 'own trips')
     """
@@ -393,7 +393,7 @@ def need(
     departure: Departure | None = None,
     *,
     model: ForecastModel | Path | str | None = None,
-    vehicle: Vehicle | str | None = None,
+    car: Vehicle | str | None = None,
     probability: float = 0.95,
     trips: int = 1,
     reserve: float = 0.1,
@@ -414,7 +414,7 @@ def need(
     model : ForecastModel or path, optional
         Model of the car, such as ``car.model()`` for an own car. By default, the model that comes with the package. A model in memory is
         the fastest.
-    vehicle : Vehicle or str, optional
+    car : Vehicle or str, optional
         A car other than the model's own.
     probability : float
         Probability that energy and charge suffice, 0.5 to 1.
@@ -444,7 +444,7 @@ def need(
     require_fraction("reserve", reserve)
     raise_faults(number_faults("trips", trips, Column("", 1, _MAX_TRIPS, ""), whole=True))
     n_trips = int(trips)
-    own_model, departure = for_car(model, vehicle), departure or Departure()
+    own_model, departure = for_car(model, car), departure or Departure()
     levels = (BAND[0], _HALF[0], 0.5, _HALF[1], BAND[1], probability)
     if isinstance(distance_km, Plan | Trip):
         forecast = own_model.forecast(distance_km, departure)
@@ -486,7 +486,7 @@ def range_km(
     *,
     reserve: float = 0.1,
     model: ForecastModel | Path | str | None = None,
-    vehicle: Vehicle | str | None = None,
+    car: Vehicle | str | None = None,
 ) -> Range:
     """Forecast how far a charge carries, without a road.
 
@@ -502,7 +502,7 @@ def range_km(
         Displayed state of charge that is kept, 0 to 1.
     model : ForecastModel or path, optional
         As for `need`.
-    vehicle : Vehicle or str, optional
+    car : Vehicle or str, optional
         As for `need`.
 
     Returns
@@ -526,7 +526,7 @@ def range_km(
     soc = 1.0 if given is None else given
     start = require_fraction("soc", soc)
     spare = max(start - require_fraction("reserve", reserve), 0.0)
-    own_model = for_car(model, vehicle)
+    own_model = for_car(model, car)
 
     def range_by(forecaster: KindForecaster) -> KindRange:
         low, lower, median, upper, high = (

@@ -431,7 +431,7 @@ def plan_journey(
     *,
     atlas: Atlas | AtlasSettings | Path | str | None = None,
     model: ForecastModel | Path | str | None = None,
-    vehicle: Vehicle | str | None = None,
+    car: Vehicle | str | None = None,
     options: JourneyOptions | None = None,
 ) -> Journey:
     """Plan a journey: find roads, forecast each, and compute the charge to leave with, stops to charge and costs.
@@ -447,7 +447,7 @@ def plan_journey(
         Folder of a map, or URL of a router's server. By default, the environment variable `TRIPWATT_MAP`.
     model : ForecastModel or path, optional
         Model of the car. By default, the model that comes with the package.
-    vehicle : Vehicle or str, optional
+    car : Vehicle or str, optional
         A car other than the model's own.
     options : JourneyOptions, optional
         Reserve at arrival, alternatives, and what is computed.
@@ -475,7 +475,7 @@ def plan_journey(
     options = options or JourneyOptions()
     if not isinstance(atlas, Atlas):
         atlas = open_atlas(atlas)
-    forecaster = RoadForecaster(for_car(model, vehicle), departure or Departure(), atlas.weather)
+    forecaster = RoadForecaster(for_car(model, car), departure or Departure(), atlas.weather)
     return journey_with(forecaster, find_stops(stops, atlas, round_trip=options.round_trip), atlas, options)
 
 

@@ -9,8 +9,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import itertools
-import time
-from collections.abc import AsyncIterator, Awaitable, Callable, Mapping
+from collections.abc import AsyncIterator, Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from functools import cached_property, partial
 from hmac import compare_digest
@@ -27,10 +26,11 @@ from tripwatt.forecasting import ForecastModel
 from tripwatt.roads.advice import Companion
 from tripwatt.server.cars import Car, Follower, Sample
 from tripwatt.server.cars.folder import digest_of, setting_of
+from tripwatt.server.http.ahead import Ahead, names_car
 from tripwatt.server.http.car_jobs import CarJobs, car_folder
 from tripwatt.server.http.car_schemas import LiveDeparture
 from tripwatt.server.http.jobs import Jobs, no_description_flag
-from tripwatt.server.http.journey_schemas import NeedQuery, PlanRequest
+from tripwatt.server.http.journey_schemas import PlanRequest
 from tripwatt.server.http.pool import JobResult, WorkerPool, cancel_all
 from tripwatt.server.http.problems import Problem, fault_document
 from tripwatt.server.http.schemas import check_request, json_object
@@ -43,15 +43,6 @@ SILENCE_CHECK_S: Final = 30.0
 
 KEEP_ALIVE_S: Final = 15.0
 """A stream without events sends a comment after this time [s], so that no proxy closes the stream: nginx does so after 60 s."""
-
-NEED_S: Final = 600.0
-"""Need and range are computed again after this time [s], because usual trips depend on the time of day. A choice."""
-
-CAR_FIELDS: Final = ("car", "model")
-"""Fields of a request that name a car or a model."""
-
-NEXT_KM: Final = (10.0, 50.0)
-"""Distances ahead whose need is shown on a trip without a plan [km]. A choice: a town away, and the way to the next charging park."""
 
 Result = TypeVar("Result")
 
@@ -111,8 +102,7 @@ class LiveCars:
             raise InvalidInput.of("no folder of cars", "--cars", f"{folder}", "a folder", fix)
         subscribed = set[str]() if settings.mqtt is None else {*settings.mqtt.cars}
         self._follower: Follower | None = None
-        # name of a car -> state of which need and range were computed, and need and range
-        self._ahead: dict[str, tuple[tuple[Any, ...], dict[str, Any]]] = {}
+        self.ahead = Ahead(self)
         if settings.mqtt is not None:
             self._follower = Follower(
                 settings.mqtt,
@@ -163,7 +153,7 @@ class LiveCars:
         """Close a car and stop following it."""
         self._digests.pop(name, None)
         self._companions.pop(name, None)
-        self._ahead.pop(name, None)
+        self.ahead.known.pop(name, None)
         car = self.cars.pop(name, None)
         if car is not None:
             await self.run(car.close)
@@ -276,7 +266,7 @@ class LiveCars:
         departure_s = check_request(beside, LiveDeparture).departure_s
         if plan.get("stops") is not None:
             fields = {name: plan[name] for name in PlanRequest.model_fields if name in plan}
-            body = {**self._with_own_model(car, fields), "answers": False, "charge": False}
+            body = {**self.with_own_model(car, fields), "answers": False, "charge": False}
             planned = await self.pool.run({"kind": "plan", "fields": "roads"}, orjson.dumps(body))
             if planned.status != 200:
                 return planned
@@ -288,7 +278,7 @@ class LiveCars:
             if read.status != 200:
                 return read
             plan = orjson.loads(read.content)
-        checked = await self.pool.run({"kind": "forecast"}, orjson.dumps(self._with_own_model(car, plan)))
+        checked = await self.pool.run({"kind": "forecast"}, orjson.dumps(self.with_own_model(car, plan)))
         if checked.status == 200:
             try:
                 await self.run(car.set_plan, plan, departure_s)
@@ -307,7 +297,7 @@ class LiveCars:
     def _document(self, car: Car) -> dict[str, Any]:
         document: dict[str, Any] = {**car.document(car.now_s())}
         document["message"] = None if document["faults"] else or_none(self._message, car)
-        if not _names_car(self._with_own_model(car, {} if car.plan is None else car.plan.request)):
+        if not names_car(self.with_own_model(car, {} if car.plan is None else car.plan.request)):
             document["flags"] = [flag_to_dict(no_description_flag(car.name, self._model(car, {}).vehicle))]
         return document
 
@@ -324,14 +314,14 @@ class LiveCars:
             companion.update(observed, car.updated)
         return None if companion.latest is None else companion.latest.to_dict()
 
-    def _with_own_model(self, car: Car, request: Mapping[str, Any]) -> dict[str, Any]:
+    def with_own_model(self, car: Car, request: Mapping[str, Any]) -> dict[str, Any]:
         """Return a request, of a plan without what a forecast lacks; if it names no car or model, with the name of the car's own model."""
-        own = {"car": car.name} if car.is_described and not _names_car(request) else {}
+        own = {"car": car.name} if car.is_described and not names_car(request) else {}
         plan_only = LiveDeparture.model_fields if {"links", "samples"} & request.keys() else {}
         return {name: value for name, value in request.items() if name not in plan_only} | own
 
     def _model(self, car: Car, request: Mapping[str, Any]) -> ForecastModel:
-        return self._jobs.model_named(self._with_own_model(car, request))
+        return self._jobs.model_named(self.with_own_model(car, request))
 
     @cached_property
     def _jobs(self) -> Jobs:
@@ -339,83 +329,14 @@ class LiveCars:
         settings = self.settings
         return Jobs.from_folders(settings.models, settings.limits, cars=CarJobs(settings.cars))
 
-    async def need(self, car: Car, query: NeedQuery) -> JobResult:
-        """Return what the next trip of a car needs, as `NeedResponse`; reserve and temperature of the query replace those of the plan.
-
-        Raises
-        ------
-        Problem
-            `no-plan` if there is neither a plan nor a usual trip.
-        """
-        departure_s = time.time() if query.departs_at is None else query.departs_at.timestamp()
-        plan = await self.run(car.plan_at, departure_s)
-        if plan is None:
-            raise Problem("no-plan", "no plan, and no earlier trip at this time of day")
-        changed = query.model_dump(include={"reserve", "ambient_temperature_degc"}, exclude_unset=True)
-        job = await self._job_about(car, {**plan.request, **changed})
-        # only the charge of the plan is that of the departure
-        soc, job["last_message"]["soc"] = job["last_message"]["soc"], None
-        options = query.model_dump(include={"probability", "plug_w"}) | {"departure_s": departure_s}
-        options |= {"usual_trip": plan.usual_trip, "soc": None if car.trip is not None else soc}
-        body = job.pop("body")
-        return await self.pool.run({"kind": "need", "options": options, **job}, body)
-
-    async def _job_about(self, car: Car, request: Mapping[str, Any]) -> dict[str, Any]:
-        """Return the parameters of a job about a car: `body` is the request with the own model, `last_message` what the last messages show."""
-        request = self._with_own_model(car, request)
-        shown = await self.last_message(car)
-        if not _names_car(request):
-            shown["last_message"]["undescribed"] = car.name
-        return {"body": orjson.dumps(request), **shown}
-
     async def last_message(self, car: Car) -> dict[str, Any]:
         """Return the parameter `last_message` of a job: charge and outside temperature that the last messages of a car show."""
         shown = {"car": car.name, "soc": await self.run(car.shown_soc)}
         return {"last_message": {**shown, "ambient_temperature_degc": car.last_air_degc(car.now_s())}}
 
-    async def job_without_road(self, car: Car, fields: Mapping[str, Any]) -> dict[str, Any]:
-        """Return the parameters of a job for the range of a car or the need of a distance.
-
-        A car that the plan names replaces the model of the car.
-        """
-        request = {} if car.plan is None else {name: car.plan.request.get(name) for name in CAR_FIELDS}
-        if isinstance(request.get("car"), Mapping):
-            request["car"] = orjson.dumps(request["car"]).decode()
-        return await self._job_about(car, {**request, **fields})
-
-    async def _without_road(self, car: Car, kind: str, **fields: Any) -> dict[str, Any] | None:
-        """Return the answer of a job about a car without a road; None if the job fails or refuses its input."""
-        job = await self.job_without_road(car, fields)
-        body = job.pop("body")
-        return await _or_none(self.pool.run({"kind": kind, **job}, body))
-
-    async def with_ahead(self, car: Car) -> dict[str, Any]:
-        """Return the document of a car with what is ahead of it, as `LiveCarDocument` with all of its fields."""
-        document, name = await self.document(car), car.name
-        state = (*car.live_state[1:], document["soc"], time.time() // NEED_S)
-        if name not in self._ahead or self._ahead[name][0] != state:
-            is_unplanned = car.trip is not None and document["forecast"] is None
-            ahead = [
-                await self._without_road(car, "distance", distance_km=km) for km in NEXT_KM * is_unplanned
-            ]
-            needed = None if car.trip else await _or_none(self.need(car, NeedQuery.model_validate({})))
-            range_ = None if document["soc"] is None else await self._without_road(car, "range")
-            self._ahead[name] = (
-                state,
-                {"need": needed, "range": range_, "next": [one for one in ahead if one]},
-            )
-        return {**document, **self._ahead[name][1]}
-
-    async def shown(self, car: Car, include: str | None) -> dict[str, Any]:
-        """Return the document of a car with the fields of `include`, names with commas, of what is ahead of it."""
-        if include is None:
-            return await self.document(car)
-        left_out = {"need", "range", "next"} - {*include.split(",")}
-        return {name: value for name, value in (await self.with_ahead(car)).items() if name not in left_out}
-
     async def published(self) -> dict[str, dict[str, Any]]:
         """Return what is published of each car."""
-        return {name: await self.with_ahead(car) for name, car in [*self.cars.items()]}
+        return {name: await self.ahead.document(car) for name, car in [*self.cars.items()]}
 
     def stream(self, car: Car | None) -> EventSourceResponse:
         """Return the forecasts of a car, or of all, as a stream of server-sent events, which is refused if there are too many listeners."""
@@ -485,15 +406,3 @@ def _watch_car(car: Car) -> None:
     """End the trip of a car that is silent; otherwise make its forecast if one is due for the diary."""
     if not car.end_when_silent(car.now_s()) and car.wants_forecast:
         car.document(car.now_s())
-
-
-async def _or_none(result: Awaitable[JobResult]) -> dict[str, Any] | None:
-    """Return the document of a job; None if the job fails or refuses its input."""
-    with contextlib.suppress(Problem, InvalidInput):
-        finished = await result
-        return orjson.loads(finished.content) if finished.status == 200 else None
-    return None
-
-
-def _names_car(request: Mapping[str, Any]) -> bool:
-    return any(request.get(field) is not None for field in CAR_FIELDS)

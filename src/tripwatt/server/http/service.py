@@ -102,7 +102,7 @@ class Service:
             return {"body": orjson.dumps(given)}
         if given.get("trip") is None:  # else the car is that of the trip
             del given["car"]
-        return await live.job_without_road(live.cars[query.named], given)
+        return await live.ahead.job_without_road(live.cars[query.named], given)
 
     async def last_message(self, body: bytes) -> dict[str, Any]:
         """Return the parameter `last_message` of a job whose body names a car on the road."""

@@ -61,7 +61,7 @@ def find_protocol(name: str) -> EvaluationProtocol:
 
 def evaluate(
     trips: TripSet | Sequence[Trip] | Path | str,
-    vehicle: Vehicle | CarChoice | Path | str = "bmw_i3_60ah",
+    car: Vehicle | CarChoice | Path | str = "bmw_i3_60ah",
     *,
     protocol: str | EvaluationProtocol = DEFAULT_PROTOCOL,
     models: Sequence[AnyModel] | Mapping[str, AnyModel] | None = None,
@@ -77,7 +77,7 @@ def evaluate(
     trips : TripSet, sequence of Trip, or path
         Trips of one car as they were recorded. A path is read as by `read_logs`, strictly; read other kinds of logs than
         those of TUM with `read_logs` first.
-    vehicle : Vehicle, str or path, or CarChoice
+    car : Vehicle, str or path, or CarChoice
         The car, its name, or the path of its TOML. The values of a `CarChoice` replace those of the car, also under a
         preset of the protocol; the notes of protocol "paper" name them.
     protocol : {"paper", "forecast"} or EvaluationProtocol
@@ -108,7 +108,7 @@ def evaluate(
     Raises
     ------
     InvalidInput
-        If every trip fails, a protocol, model, vehicle, value or hold-out is unknown, an object is no model, or too few trips are left.
+        If every trip fails, a protocol, model, car, value or hold-out is unknown, an object is no model, or too few trips are left.
 
     Examples
     --------
@@ -119,7 +119,7 @@ def evaluate(
     """
     chosen = find_protocol(protocol) if isinstance(protocol, str) else protocol
     specs, choice = choose_models(chosen, models, seed), HoldOutChoice.from_argument(hold_outs)
-    car = vehicle if isinstance(vehicle, CarChoice) else CarChoice(vehicle)
+    car = car if isinstance(car, CarChoice) else CarChoice(car)
     prepared = chosen.prepare(_fleet(trips), test_fleet, car, choice)
     main = [Comparison(hold_out, specs) for hold_out in prepared.hold_outs]
     further = chosen.further_comparisons(prepared, specs, seed) if choice.chosen is None else []
