@@ -13,7 +13,7 @@ import pandas as pd
 
 import tripwatt as tw
 from benchmarks.measure import Row, not_measured, report, seconds, tum_folder
-from tripwatt.hybrid import identify_trips
+from tripwatt.hybrid import identify, stage_record
 from tripwatt.physics import simulate_trip
 from tripwatt.physics.batch import trip_totals
 from tripwatt.study.evaluation.forecast_data import ForecastData
@@ -70,7 +70,7 @@ def identification() -> Iterator[Row]:
         yield not_measured("identify the car of a fold")
         return
     car, trips = tw.load_vehicle("bmw_i3_60ah"), tw.read_trips(folder)
-    made = seconds(lambda: identify_trips(trips, car), 3)
+    made = seconds(lambda: identify([stage_record(trip, car) for trip in trips], car), 3)
     yield Row(f"collect the signals of {len(trips)} trips and identify the car", made, "s")
     data = ForecastData.from_trips(trips, car)
     every = np.arange(len(trips))

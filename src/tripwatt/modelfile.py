@@ -234,8 +234,7 @@ def _read_parts(path: Path, listed: Mapping[str, Any]) -> dict[str, Part]:
         for name in listed
     }
     with Check() as check:
-        parts = {name: check(_checked_part, path / name, raw, listed[name]) for name, raw in content.items()}
-    return parts
+        return {name: check(_checked_part, path / name, raw, listed[name]) for name, raw in content.items()}
 
 
 def _checked_part(place: Path, raw: bytes | None, about: Mapping[str, Any]) -> Part:

@@ -10,7 +10,6 @@ from tripwatt.hybrid import (
     Identified,
     StageRecord,
     identify,
-    identify_trips,
     resimulated,
     segment_trips,
     stage_record,
@@ -35,6 +34,11 @@ ONE_PEDAL = replace(
 """Another road load, and a driver who leaves the brake pedal alone: what friction brakes take is in no signal."""
 WITHOUT_LINEAR = replace(BOOK, road_load=replace(BOOK.road_load, coastdown_b_n_s_m=0.0))
 FLEET = synthetic_fleet(24, seed=5).trips
+
+
+def identify_trips(trips, vehicle) -> Identified:
+    """The values of a car by the signals of its trips."""
+    return identify([stage_record(trip, vehicle) for trip in trips], vehicle)
 
 
 def as_logged(trip: Trip, truth) -> Trip:

@@ -17,7 +17,7 @@ import numpy as np
 
 import tripwatt as tw
 from tripwatt.forecasting import Forecast, ForecastModel
-from tripwatt.hybrid import identify_trips, segment_trips
+from tripwatt.hybrid import identify, segment_trips, stage_record
 from tripwatt.hybrid.power import CLIMATE_TERMS, DRIVE_TERMS, GPCorrector, SplitCorrector
 from tripwatt.physics import simulate_trip
 from tripwatt.population import for_car
@@ -120,7 +120,8 @@ def of_forecast(forecast: Forecast) -> list[float]:
 
 def of_identification(car: Vehicle) -> list[float]:
     """Values from the signals of the trips."""
-    values = identify_trips([with_signals(trip, car) for trip in trips()], car).values
+    records = [stage_record(with_signals(trip, car), car) for trip in trips()]
+    values = identify(records, car).values
     return [float(x) for key in sorted(values) for x in np.atleast_1d(np.asarray(values[key]))]
 
 

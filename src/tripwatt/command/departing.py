@@ -84,8 +84,7 @@ def _departure(grouped: Mapping[str, Mapping[str, Field]], asked: Mapping[str, A
         for option, fields in grouped.items():
             if asked.get(option) is not None:
                 known |= check(_values, fields, asked[option]) or {}
-        departure = check(lambda: Departure(**known))
-    return departure
+        return check(lambda: Departure(**known))
 
 
 def _values(fields: Mapping[str, Field], value: Any) -> dict[str, Any]:

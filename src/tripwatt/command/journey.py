@@ -10,7 +10,7 @@ import tripwatt as tw
 from tripwatt import trips
 from tripwatt.command import shared
 from tripwatt.command.departing import Departing
-from tripwatt.command.options import Answer, argument, flag, make_group
+from tripwatt.command.options import Answer, argument, flag, make_group, option
 from tripwatt.command.printing import kwh, print_notes, print_table, say
 from tripwatt.command.sentences import chance, chance_to_arrive, journey_in_words
 from tripwatt.errors import Check
@@ -33,6 +33,7 @@ def plan(
     on_map: shared.OnMap,
     reserve: shared.Reserve = 0.1,
     round_trip: Annotated[bool, flag("--round-trip", "Return to the start.")] = False,
+    pause: Annotated[float, option("S", "Time before the way back of a round trip.", "--pause")] = 0.0,
     vehicle: shared.Car = None,
     model: shared.Model = None,
     no_charge: Annotated[bool, flag("--no-charge", "Plan no stops to charge.")] = False,
@@ -65,6 +66,7 @@ def plan(
                 reserve,
                 OTHER_ROADS,
                 round_trip,
+                pause,
                 charge=not no_charge,
                 preheat_battery=preheat_battery,
             )

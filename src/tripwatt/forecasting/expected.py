@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 
@@ -28,6 +29,12 @@ EVEN: Final = (-1.0, -0.3, 0.3, 1.0)
 """Constant grades that are simulated, as multiples of the grade of that quantile."""
 HILLS: Final = (0.03, 0.08)
 """Grades of the simulated roads that go up and down in turn."""
+COOLING_S: Final = 1800.0
+"""Time constant with which a parked car cools [s], see `tripwatt.physics.conditions.warmth_from_cabin`."""
+PARKED_W: Final = 10.0
+"""Power of a parked car [W]. A choice: a quarter of a kilowatt-hour a day for control units that wake up at times."""
+WARM_STATE: Final = ("cabin_temperature_degc", "battery_temperature_degc", "follows_trip", "warmth")
+"""Fields of a departure that show whether the car is warm."""
 MIN_CAUSES: Final = ("air", "rolling", "climb", "acceleration")
 
 
@@ -58,6 +65,34 @@ class ExpectedTrip:
     segments: Segments
     corrector: PowerCorrector
     correction_w: FloatArray
+
+    def with_pauses(self, forecast: Callable[[Plan], Any]) -> ExpectedTrip:
+        """Add the energy that the car takes in the pauses of the plan, and to get warm again after each.
+
+        The roads before and after a pause are forecast as two trips; the second begins with a cold car. The share of the warmth that is
+        lost in the pause is the share of their power that counts. The additional energy has the cause climate control.
+        """
+        simulated_w, hours = self.table.simulated_w.copy(), self.table.hours
+        for k, pause in enumerate(self.plan.pauses):
+            first = min(int(np.searchsorted(self.distance_m, pause.position_m)), len(hours) - 1)
+            lost = 1.0 - np.exp(-pause.duration_s / COOLING_S)
+            if first:
+                apart_w = np.concatenate([forecast(plan).drive.power_w for plan in self._parted(first, k)])
+                simulated_w += lost * (apart_w - simulated_w - self.correction_w)
+            simulated_w[first] += PARKED_W * pause.duration_s / SECONDS_PER_HOUR / hours[first]
+        return replace(self, table=replace(self.table, simulated_w=simulated_w))
+
+    def _parted(self, first: int, pauses: int) -> Iterator[Plan]:
+        """Yield the plan up to the start of a segment, with its first pauses, and the rest as a trip of a car that has stood for long."""
+        plan, run = self.plan, self.simulation
+        at = int(np.searchsorted(run.time_s - run.time_s[0], self.edges_s[first] - 1e-6))
+        cold = replace(plan.departure, **dict.fromkeys(WARM_STATE), bms_soc=float(run.soc[at]))
+        for part, departure in ((slice(at + 1), plan.departure), (slice(at, None), cold)):
+            wind = plan.weather and replace(plan.weather, headwind_m_s=plan.weather.headwind_m_s[part])
+            heading = None if plan.heading_deg is None else plan.heading_deg[part]
+            known = replace(plan, samples=plan.samples.iloc[part], departure=departure, pauses=())
+            yield replace(known, weather=wind, heading_deg=heading, pauses=plan.pauses[:pauses])
+            pauses = 0
 
     @cached_property
     def power_w(self) -> FloatArray:

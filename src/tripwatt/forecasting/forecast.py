@@ -163,10 +163,8 @@ class Forecast:
     @property
     def open_hours(self) -> FloatArray:
         """Part of each segment that was not measured [h], shape (segments,)."""
-        hours = self.drive.table.hours
-        if self.measured.hours is None:
-            return hours
-        return np.maximum(hours - self.measured.hours, 0.0)
+        hours, measured = self.drive.table.hours, self.measured.hours
+        return hours if measured is None else np.maximum(hours - measured, 0.0)
 
     @cached_property
     def along(self) -> Along:

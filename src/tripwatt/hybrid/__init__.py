@@ -5,7 +5,7 @@ quantities known before departure. In both, ``residual = observed - simulated`` 
 """
 
 from tripwatt.hybrid.correctors import POWER_CORRECTORS, STORABLE, power_corrector
-from tripwatt.hybrid.identification import Identified, StageRecord, identify, identify_trips, stage_record
+from tripwatt.hybrid.identification import Identified, StageRecord, identify, stage_record
 from tripwatt.hybrid.outside import Corrector
 from tripwatt.hybrid.power import PowerCorrector
 from tripwatt.hybrid.segments import SegmentTable, resimulated, segment_table, segment_trips
@@ -25,7 +25,6 @@ __all__ = [
     "TripTable",
     "build_table",
     "identify",
-    "identify_trips",
     "power_corrector",
     "resimulated",
     "segment_table",

@@ -255,31 +255,6 @@ def identify(records: Sequence[StageRecord], vehicle: Vehicle) -> Identified:
     return Identified(MappingProxyType(values), MappingProxyType(trips))
 
 
-def identify_trips(trips: Sequence[Trip], vehicle: Vehicle) -> Identified:
-    """Most probable values of a car, given the signals of its trips. O(samples).
-
-    Parameters
-    ----------
-    trips : sequence of Trip
-        Raw trips with the signals that their logs have.
-    vehicle : Vehicle
-        The car with its published values.
-
-    Returns
-    -------
-    Identified
-        The values, as of `identify`.
-
-    Examples
-    --------
-    >>> from tripwatt.study.synthetic import VEHICLE, synthetic_fleet
-    >>> from tripwatt.vehicles import load_vehicle
-    >>> dict(identify_trips(synthetic_fleet(2).trips, load_vehicle(VEHICLE)).values)
-    {}
-    """
-    return identify([stage_record(trip, vehicle) for trip in trips], vehicle)
-
-
 _Values = dict[str, float | tuple[float, ...]]
 
 

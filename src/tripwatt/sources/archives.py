@@ -253,6 +253,5 @@ def _names_in(row: Sequence[Any]) -> int:
 
 
 def _text(cell: Any) -> str:
-    if cell is None:
-        return ""
-    return cell.isoformat() if isinstance(cell, dt.date | dt.time) else f"{cell}"
+    text = cell.isoformat() if isinstance(cell, dt.date | dt.time) else cell
+    return "" if cell is None else f"{text}"

@@ -315,9 +315,7 @@ class Departure:
 
 def _typical(column: pd.Series[Any]) -> float | str:
     """Mean of the numbers of a covariate, or the most frequent of its words."""
-    if column.dtype.kind in "iuf":
-        return float(column.mean())
-    return f"{column.mode().iloc[0]}"
+    return float(column.mean()) if column.dtype.kind in "iuf" else f"{column.mode().iloc[0]}"
 
 
 def _first_value(samples: Sampled, column: str) -> float | None:

@@ -107,6 +107,56 @@ def test_stops_and_the_way_back(model):
     assert [[flag.code for flag in one.flags] for one in (found, one_way)] == [["no_pause"], []]
 
 
+HOUR_S = 3600.0
+TURN = Place(47.0, 9.2)
+
+
+def test_a_pause_at_the_destination_counts_in_time_energy_and_flags(model):
+    at_once, paused, later = (
+        journey(model, stops=(A, Place(47.0, 9.1), TURN), round_trip=True, answers=False, pause_s=pause_s)
+        for pause_s in (0.0, 8.0 * HOUR_S, 9.0 * HOUR_S)
+    )
+    road = paused.roads[0].road
+    assert [(p.position_m, p.duration_s) for p in road.links.pauses] == [
+        (road.stop_position_m[1], 8.0 * HOUR_S)
+    ]
+    assert paused.verdict.duration_s == pytest.approx(at_once.verdict.duration_s + 8.0 * HOUR_S)
+    assert paused.to_dict()["roads"][0]["duration_s"] == paused.verdict.duration_s
+    assert at_once.forecast.energy_wh + 200.0 < paused.forecast.energy_wh < later.forecast.energy_wh
+    assert paused.soc_needed > at_once.soc_needed
+    assert (paused.flags, at_once.flags[0].code) == ((), "no_pause")
+    assert ("pause", 8.0 * HOUR_S) in [(flag.code, flag.value) for flag in paused.forecast.flags]
+    one_way = journey(model, stops=(A, TURN), answers=False, pause_s=HOUR_S)
+    assert one_way.forecast.plan.pauses == ()
+
+
+def test_a_pause_of_more_than_a_week_or_below_zero_is_a_fault():
+    for pause_s in (-1.0, 604_801.0):
+        with pytest.raises(InvalidInput, match="pause_s"):
+            JourneyOptions(pause_s=pause_s)
+
+
+def test_a_pause_at_a_turn_of_unknown_position_is_half_of_the_way():
+    road = replace(MadeRouter().roads((A, TURN, A))[0], stop_position_m=())
+    (pause,) = road.with_pause(HOUR_S).links.pauses
+    assert pause.position_m == pytest.approx(0.5 * road.distance_m)
+
+
+def test_a_plan_with_stops_has_the_pause_once(model):
+    far, departure = Place(47.0, 9.6), tw.Departure(soc=0.8, ambient_temperature_degc=0.0)
+    at_once, paused = (
+        journey(model, departure, stops=(A, far), round_trip=True, pause_s=pause_s)
+        for pause_s in (0.0, 8.0 * HOUR_S)
+    )
+    assert at_once.charging and paused.charging
+    assert sum(len(leg.road.links.pauses) for leg in paused.charging.legs) == 1
+    assert paused.charging.duration_s == pytest.approx(at_once.charging.duration_s + 8.0 * HOUR_S, rel=0.03)
+    assert paused.charging.energy_wh > at_once.charging.energy_wh
+    for stop in paused.charging.stops:
+        turned = stop.position_m > 0.5 * paused.charging.distance_m
+        assert (stop.arrives_after_s > 8.0 * HOUR_S) == turned
+
+
 def test_another_car_takes_another_energy_and_is_flagged(model):
     own = journey(model, stops=(A, Place(47.0, 9.2)), answers=False)
     other = plan_journey(

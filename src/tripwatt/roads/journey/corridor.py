@@ -259,6 +259,7 @@ class Corridor:
         forecast = self.forecast
         taken = -self._at_nodes(forecast.along.expected_soc)
         time = self._at_nodes(self._series["time_s"])
+        time += sum(p.duration_s * (self._position_m > p.position_m) for p in self.road.links.pauses)
         detour_s = self._detour_m / _DETOUR_M_S
         soc_per_m = forecast.energy_wh / forecast.charge.wh_per_display / self.road.distance_m
         detour_soc = self._detour_m * soc_per_m
@@ -376,6 +377,9 @@ class Corridor:
             raise
         except InvalidInput:  # no road to this station
             return None
+        for pause in self.road.links.pauses:
+            if low < pause.position_m < high and not pause.carried_m:
+                road = road.with_pause(pause.duration_s)
         forecaster = self.forecaster
         if i:
             leaves = forecaster.departs_at + dt.timedelta(seconds=elapsed_s)

@@ -39,6 +39,7 @@ from tripwatt.vehicles import Vehicle
 _MAX_STOPS: Final = 20
 _MAX_ALTERNATIVES: Final = 3
 _MAX_OVERHEAD_S: Final = 7200.0
+_MAX_PAUSE_S: Final = 604_800.0
 """Bounds of a request: choices, since the work grows with the places and roads."""
 
 _NEAR_ROAD_M: Final = 200.0
@@ -66,7 +67,9 @@ class JourneyOptions:
     alternatives : int
         Number of other roads besides the fastest.
     round_trip : bool
-        Whether the journey leads back to the start, without a pause.
+        Whether the journey leads back to the start.
+    pause_s : float
+        Time of a round trip at its last place before the way back [s]; the car cools down meanwhile.
     answers : bool
         Whether costs, speed and charging are computed besides the forecasts.
     charging_curve : ChargingCurve or None
@@ -92,6 +95,7 @@ class JourneyOptions:
     reserve: float = 0.1
     alternatives: int = 0
     round_trip: bool = False
+    pause_s: float = 0.0
     answers: bool = True
     charging_curve: ChargingCurve | None = None
     charge: bool = True
@@ -102,9 +106,9 @@ class JourneyOptions:
 
     def __post_init__(self) -> None:
         faults = list(scalar_faults({"reserve": self.reserve}))
-        faults += number_faults(
-            "alternatives", self.alternatives, Column("", 0, _MAX_ALTERNATIVES, ""), whole=True
-        )
+        roads = Column("", 0, _MAX_ALTERNATIVES, "")
+        faults += number_faults("alternatives", self.alternatives, roads, whole=True)
+        faults += number_faults("pause_s", self.pause_s, Column("s", 0, _MAX_PAUSE_S, ""))
         faults += number_faults("stop_overhead_s", self.stop_overhead_s, Column("s", 0, _MAX_OVERHEAD_S, ""))
         raise_faults(faults)
 
@@ -549,6 +553,8 @@ def journey_with(
     title = " to ".join(place.title for place in stops)[:100]
     forecaster = replace(forecaster, heights=atlas.heights_around(stops))
     found = atlas.router.roads(stops, alternatives=options.alternatives)
+    if options.round_trip and options.pause_s:
+        found = tuple(road.with_pause(options.pause_s) for road in found)
     roads = [RoadForecast(road, forecaster.forecast(road, title)) for road in found]
     is_planned = options.answers and options.charge and bool(atlas.stations)
     is_chosen = any(place.kind == STATION_KIND for place in stops[1:-1])
@@ -570,7 +576,8 @@ def journey_with(
     forecasts = _label_roads([roads[k] for k in order], options.reserve)
     first = forecasts[0]
     needed = soc_needed(first.forecast, options.reserve, CERTAIN)
-    noted = _far_from_road(stops, first.road) + (Flag("no_pause", "road"),) * options.round_trip
+    driven_back = (Flag("no_pause", "road"),) * (options.round_trip and not options.pause_s)
+    noted = _far_from_road(stops, first.road) + driven_back
     journey = Journey(stops, forecasts, options.reserve, needed, flags=noted, attribution=atlas.attribution)
     if not options.answers:
         return journey

@@ -16,7 +16,7 @@ from tripwatt.routes.links import FLAT_ROAD, SHORTEST_LINK_M, LinkRoute
 from tripwatt.routes.places import Place, heading_along, with_heading
 from tripwatt.routes.points import distances_m
 from tripwatt.routes.web import as_remote
-from tripwatt.trips import Plan
+from tripwatt.trips import Pause, Plan
 
 FARTHEST_START_M: Final = 5000.0
 """Largest distance from a place to the end of its road [m]; if the road ends farther away, the place is outside of the map. A choice."""
@@ -133,6 +133,12 @@ class Road:
         """Return the road as a plan with its direction of travel, see `LinkRoute.plan`."""
         plan = self.links.plan(trip_id=trip_id)
         return with_heading(plan, self.latitude_deg, self.longitude_deg, self.position_m, self.distance_m)
+
+    def with_pause(self, pause_s: float) -> Road:
+        """Return the road with a pause at its last place on the way [s], or half of the way if its position is unknown."""
+        turn_m = self.stop_position_m[-1] if self.stop_position_m else 0.5 * self.distance_m
+        pauses = sorted((*self.links.pauses, Pause(turn_m, pause_s)), key=lambda pause: pause.position_m)
+        return self.with_links(replace(self.links, pauses=tuple(pauses)))
 
     def with_links(self, links: LinkRoute) -> Road:
         """Return the road with other speeds or times of its links, on the same line."""

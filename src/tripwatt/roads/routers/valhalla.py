@@ -154,9 +154,8 @@ class ValhallaRouter:
         RemoteError
             If the router does not answer.
         """
-        if self.ask_tile is None:
-            return b""
-        return self.ask_tile({"tile": {"z": zoom, "x": column, "y": row}})
+        tile = {"tile": {"z": zoom, "x": column, "y": row}}
+        return b"" if self.ask_tile is None else self.ask_tile(tile)
 
     def _request_trips(self, stops: Sequence[Place], options: dict[str, Any]) -> list[Node]:
         """Request a route with options; return its trip and those of at most `MAX_ROUTES` alternatives."""

@@ -160,7 +160,9 @@ class PlanRequest(JourneyCar):
     alternatives: int = Field(0, ge=0, le=3)
     """other roads beside the fastest"""
     round_trip: bool = False
-    """back to the start, without a pause"""
+    """back to the start"""
+    pause_s: float = Field(0.0, ge=0.0, le=604_800.0)
+    """time at the last place of a round trip before the way back [s]; the car cools down meanwhile"""
     answers: bool = True
     """whether costs, speed and charging are worked out"""
     charge: bool = True
