@@ -42,6 +42,7 @@ export const PERCENT = scaled("%", 0.01, 0);
 export const ENERGY = scaled("kWh", 1000, 2);
 export const POWER = scaled("kW", 1000, 0);
 export const MINUTES = scaled("min", 60, 0);
+export const HOURS = scaled("h", 3600, 1);
 const ANGLE = scaled("°", 1, 0);
 const RAIN = scaled("mm/h", 1, 1);
 const PRESSURE = scaled("hPa", 100, 0);

@@ -75,12 +75,12 @@ export const course = computed((): Course | null => {
 
 /** Where a journey there and back turns, and the charge there. */
 export const turn = computed(() => {
-  const { stops, isRound } = trip.value ?? {};
-  const at = isRound ? journey.value?.roads[chosenRoad.value]?.stops.at(-1) : undefined;
+  const { stops, pauseS = null } = trip.value ?? {};
+  const at = pauseS !== null ? journey.value?.roads[chosenRoad.value]?.stops.at(-1) : undefined;
   if (!at || !course.value) return null;
   const { position_m, displayed_soc } = course.value;
   const soc = interpolate(at.position_m, position_m, displayed_soc);
-  return { name: stops?.at(-1)?.name ?? "", positionM: at.position_m, soc };
+  return { name: stops?.at(-1)?.name ?? "", positionM: at.position_m, soc, pauseS };
 });
 
 /** Clock times of departure and arrival; without a chosen time, of a departure now. */

@@ -14,10 +14,10 @@ import {
   choice,
   ends,
   isExample,
-  isRound,
   loadMap,
   map,
   nextEnd,
+  pauseS,
   placesOfJourney,
   setPlace,
   vias,
@@ -76,7 +76,7 @@ export async function chooseExample(name: string): Promise<void> {
 export function chooseJourney(isDraft = false): void {
   const places = placesOfJourney();
   if (!places) return;
-  const next = tripFromStops(places, isRound.value, choice.value, isDraft);
+  const next = tripFromStops(places, pauseS.value, choice.value, isDraft);
   if (trip.value?.stops) trip.value = next;
   else show(next);
 }
@@ -91,7 +91,7 @@ export function move(field: Field, place: Place, isDraft = false): void {
 export function stopAt(station: Place): void {
   const places = placesOfJourney();
   if (!places) return;
-  const at = bestPlace(isRound.value ? [...places, places[0] as Place] : places, station);
+  const at = bestPlace(pauseS.value !== null ? [...places, places[0] as Place] : places, station);
   batch(() => {
     isExample.value = false;
     const index = Math.min(at - 1, vias.value.length);
@@ -112,12 +112,12 @@ export function choose(change: Partial<StationChoice>): void {
   chooseJourney();
 }
 
-/** Begin a journey of one's own at a place on the map. */
-export function beginAt(place: Place): void {
+/** Begin a journey of one's own at a place on the map, or with an empty field. */
+export function beginAt(place: Place | null): void {
   batch(() => {
     isExample.value = false;
     ends.value = { from: place, to: null };
-    nextEnd.value = "to";
+    nextEnd.value = place ? "to" : "from";
   });
 }
 
@@ -125,10 +125,8 @@ export function beginAt(place: Place): void {
 export function beginJourney(): void {
   if (map.value) chooseSource("journey");
   batch(() => {
-    isExample.value = false;
-    ends.value = { from: null, to: null };
+    beginAt(null);
     vias.value = [];
-    nextEnd.value = "from";
     trip.value = null;
   });
 }
@@ -197,12 +195,12 @@ async function chooseLinked({ source: from, places, distance, ...linked }: Linke
       source.value = "journey";
       ends.value = { from: places[0] as Place, to: places.at(-1) as Place };
       vias.value = places.slice(1, -1);
-      isRound.value = linked.round;
+      pauseS.value = linked.pauseS;
       choice.value = linked.choice;
       nextEnd.value = null;
       isExample.value = false;
       wantsFit.value = true;
-      trip.value = tripFromStops(places, linked.round, linked.choice, false);
+      trip.value = tripFromStops(places, linked.pauseS, linked.choice, false);
     });
     return true;
   }

@@ -19,7 +19,8 @@ export const map = signal<MapInfo | null>(null);
 export const ends = signal<Record<End, Place | null>>({ from: null, to: null });
 /** Places on the way, in their order; null until one is chosen. */
 export const vias = signal<(Place | null)[]>([]);
-export const isRound = signal(false);
+/** Time at the destination before the way back [s]; null for a journey that does not lead back. */
+export const pauseS = signal<number | null>(null);
 export const choice = signal<StationChoice>(NO_CHOICE);
 /** Whether the journey is an example of the map that nobody asked for. */
 export const isExample = signal(false);
@@ -59,8 +60,7 @@ export async function loadMap(): Promise<MapInfo | null> {
 export function setEnd(end: End, place: Place | null): void {
   const next = { ...ends.value, [end]: place };
   ends.value = next;
-  if (!next.from) nextEnd.value = "from";
-  else nextEnd.value = next.to ? null : "to";
+  nextEnd.value = next.from ? (next.to ? null : "to") : "from";
 }
 
 /** The fields of the journey in their order. */
@@ -77,8 +77,7 @@ export function placeOf(field: Field): Place | null {
 export function setPlace(field: Field, place: Place | null): void {
   isExample.value = false;
   if (field === "from" || field === "to") return setEnd(field, place);
-  const at = Number(field.slice(3));
-  vias.value = vias.value.map((one, k) => (k === at ? place : one));
+  vias.value = vias.value.map((one, k) => (field === `via${k}` ? place : one));
 }
 
 /** The places of the journey in their order; null while one is missing. */
@@ -89,12 +88,12 @@ export function placesOfJourney(): Place[] | null {
 
 /** Whether what is shown is the journey of the form: its places may have changed since. */
 export const isOfForm = computed(() => {
-  const { stops, isRound: wasRound } = trip.value ?? {};
+  const { stops, pauseS: pausedS } = trip.value ?? {};
   if (!stops) return true;
   const places = placesOfJourney();
   return (
     places?.length === stops.length &&
-    wasRound === isRound.value &&
+    pausedS === pauseS.value &&
     places.every((place, k) => isSame(place, stops[k] as Place))
   );
 });
@@ -111,8 +110,7 @@ export const roadPoints = computed((): Point[] | null => {
 export function placeAt(longitude: number, latitude: number): Place {
   const wrapped = ((((longitude + 180) % 360) + 360) % 360) - 180;
   const name = `${latitude.toFixed(4)}, ${wrapped.toFixed(4)}`;
-  const unnamed = { kind: "", context: "", also_called: "" };
-  return { name, ...unnamed, latitude_deg: latitude, longitude_deg: wrapped };
+  return { name, kind: "", context: "", also_called: "", latitude_deg: latitude, longitude_deg: wrapped };
 }
 
 /** Ask for the fastest road alone, which is quick, or with alternatives and all answers. */
@@ -135,10 +133,9 @@ export function mergedJourney(
 ): Journey {
   if (before?.of !== of) return quick;
   const { charging, charging_alternatives, motorway_speed_m_s, roads } = before.answer;
-  const verdict = charging ? before.answer.verdict : quick.verdict;
   return {
     ...quick,
-    verdict,
+    verdict: charging ? before.answer.verdict : quick.verdict,
     charging,
     charging_alternatives,
     motorway_speed_m_s,
@@ -162,8 +159,7 @@ const runner = new Latest<{ from: Place; at: Conditions }>(async ({ from, at }, 
 export function keepReach(): void {
   effect(() => {
     const { from } = ends.value;
-    const job = from && { from, at: conditions.value };
-    const wanted = wantsReach.value && car.value ? job : null;
+    const wanted = wantsReach.value && car.value && from ? { from, at: conditions.value } : null;
     untracked(() => {
       if (!wanted) reach.value = null;
       runner.submit(wanted);

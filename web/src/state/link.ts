@@ -76,7 +76,7 @@ export function readLink(hash: string) {
   return {
     source: (["journey", "distance", "examples"] as const).find((name) => name === found) ?? null,
     places: isWhole ? places : null,
-    round: link.get("round_trip") === "true",
+    pauseS: link.get("round_trip") === "true" ? Number(link.get("pause_s")) || 0 : null,
     choice: { avoid: avoid.filter((place) => place !== null), networks: link.getAll("network") },
     example: link.get("example") ?? "",
     distance: distanceM > 0 && kind ? { distanceM, kind } : null,
@@ -91,7 +91,7 @@ export function lastLink(): Linked | null {
   return typeof link === "string" ? readLink(link) : null;
 }
 
-function tripText({ source, stops, isRound, choice, example, distance }: Trip): [string, string][] {
+function tripText({ source, stops, pauseS = null, choice, example, distance }: Trip): [string, string][] {
   if (stops) {
     return [
       ["trip", "journey"],
@@ -99,7 +99,7 @@ function tripText({ source, stops, isRound, choice, example, distance }: Trip): 
         place.kind === STATION_KIND ? "station" : "place",
         placeText(place),
       ]),
-      ...(isRound ? [["round_trip", "true"] as [string, string]] : []),
+      ...(pauseS === null ? [] : Object.entries({ round_trip: "true", pause_s: String(pauseS) })),
       ...(choice?.avoid ?? []).map((place): [string, string] => ["avoid", placeText(place)]),
       ...(choice?.networks ?? []).map((network): [string, string] => ["network", network]),
     ];

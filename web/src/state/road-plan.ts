@@ -22,8 +22,8 @@ const road = computed(() => {
 
 /** Where the trip of the page ends, in words. */
 const destination = computed(() => {
-  const { stops, isRound } = trip.value ?? {};
-  return stops?.at(isRound ? 0 : -1)?.name ?? null;
+  const { stops, pauseS = null } = trip.value ?? {};
+  return stops?.at(pauseS === null ? -1 : 0)?.name ?? null;
 });
 
 export const canPlan = computed(() => road.value !== null);

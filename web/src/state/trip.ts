@@ -47,8 +47,8 @@ export interface Trip {
   links: Link[] | null;
   /** The places of a journey; its forecasts come with its roads. */
   stops: Place[] | null;
-  /** Whether the journey goes back to its start. */
-  isRound?: boolean;
+  /** Of a journey: the pause before its way back to the start [s]; null for none. */
+  pauseS?: number | null;
   /** Of a journey: which charging stations are wanted. */
   choice?: StationChoice;
   /** Whether an end of the journey is being dragged, so that only the arrival is asked for. */
@@ -157,7 +157,7 @@ export function stopOf({ name, latitude_deg, longitude_deg, kind }: Place) {
 /** A journey from place to place as a trip; its road comes with its forecast. `isDraft` while an end is dragged. */
 export function tripFromStops(
   stops: Place[],
-  isRound: boolean,
+  pauseS: number | null,
   choice: StationChoice,
   isDraft: boolean,
 ): Trip {
@@ -165,9 +165,9 @@ export function tripFromStops(
   return {
     ...BARE,
     source: "journey",
-    title: [...names, ...(isRound ? names.slice(0, 1) : [])].join(" – "),
+    title: [...names, ...(pauseS !== null ? names.slice(0, 1) : [])].join(" – "),
     stops,
-    isRound,
+    pauseS,
     choice,
     isDraft,
     start: conditionsFrom({}, conditions.value),
@@ -182,13 +182,13 @@ export function forecastRequest(of: Trip, at: Conditions, car: Car | null): Fore
 
 /** A request for a journey from place to place. */
 export function journeyRequest(
-  { stops, isRound, choice }: Trip,
+  { stops, pauseS = null, choice }: Trip,
   at: Conditions,
   car: Car | null,
 ): JourneyRequest {
   return {
     stops: (stops ?? []).map(stopOf),
-    ...(isRound && { round_trip: true }),
+    ...(pauseS !== null && { round_trip: true, pause_s: pauseS }),
     ...(choice?.avoid.length && { avoid: choice.avoid.map(stopOf) }),
     ...(choice?.networks.length && { networks: [...choice.networks] }),
     ...(at.preheatForStops && { preheat_battery: true }),

@@ -117,6 +117,7 @@ const de: Text = {
     addVia: "Zwischenziel hinzufügen",
     removeVia: (via) => `${via} entfernen`,
     andBack: "Und zurück",
+    pause: "Pause am Ziel",
     plan: "Planen",
     leaveWith: (soc, expected, reserve) =>
       `Mit ${soc} oder mehr losfahren: Ankunft mit etwa ${expected}, bei 19 von 20 Fahrten mindestens ${reserve}.`,
@@ -136,8 +137,7 @@ const de: Text = {
     navigate: "In einer Navigations-App öffnen",
     chargeThere: (time, arrival, leave, clock) =>
       `“ fahren und dort ${time} laden, von ${arrival} auf ${leave} (etwa ${clock}).`,
-    turn: (place, soc) =>
-      `In ${place} etwa ${soc}, dann gleich zurück: Nach Stunden in der Kälte braucht der Rückweg mehr.`,
+    turn: (place, soc, pause) => `In ${place} etwa ${soc}${pause && `, nach ${pause} Pause zurück`}.`,
     moreStops: each({ one: "# weiterer Ladestopp", other: "# weitere Ladestopps" }),
     chargingStops: "Ladestopps",
     chargingPlans: "Ladepläne",

@@ -112,6 +112,7 @@ export const en = {
     addVia: "Add a place on the way",
     removeVia: (via: string) => `Remove ${via}`,
     andBack: "And back",
+    pause: "Pause at the destination",
     plan: "Plan",
     leaveWith: (soc: string, expected: string, reserve: string) =>
       `Leave with ${soc} or more: about ${expected} on arrival, at least ${reserve} in 19 of 20 trips.`,
@@ -131,8 +132,8 @@ export const en = {
     navigate: "Open in a navigation app",
     chargeThere: (time: string, arrival: string, leave: string, clock: string) =>
       `” and charge for ${time}, from ${arrival} to ${leave} (about ${clock}).`,
-    turn: (place: string, soc: string) =>
-      `At ${place} about ${soc}, then straight back: after hours in the cold the way back needs more.`,
+    turn: (place: string, soc: string, pause: string) =>
+      `At ${place} about ${soc}${pause && `, back after ${pause}`}.`,
     moreStops: each({ one: "# more stop", other: "# more stops" }),
     chargingStops: "Charging stops",
     chargingPlans: "Charging plans",

@@ -5,15 +5,16 @@ import type { Place } from "../api/documents";
 import { Latest } from "../api/latest";
 import { placeCalled } from "../model/places";
 import { type End, type Field, readCoordinates } from "../model/road";
+import { HOURS } from "../model/units";
 import { chooseJourney } from "../state/catalogue";
 import { faults, forgetStop, MOST_STOPS, reportProblem, stopField } from "../state/forecast";
 import {
   fieldsOfJourney,
   isExample,
-  isRound,
   journey,
   map,
   nextEnd,
+  pauseS,
   placeAt,
   placeOf,
   placesOfJourney,
@@ -26,6 +27,7 @@ import { text } from "../state/preferences";
 import { Combobox, type Option } from "./combobox";
 import { Covers } from "./covers";
 import { FaultList } from "./faults";
+import { NumberField } from "./number-field";
 import { Button, IconButton, Submit, submitting, Tick } from "./parts";
 
 const MIN_INTERVAL_MS = 120;
@@ -110,15 +112,14 @@ function optionOf(end: Field, place: Place): Option {
   const { also_called: other, context } = place;
   const also = other && ` — ${text.value.journey.alsoCalled(other)}`;
   const isTold = place.name.endsWith(context);
-  const take = () => {
-    write(end, place.name);
-    setPlace(end, place);
-  };
   return {
     key: `${place.name}${place.latitude_deg}`,
     name: place.name,
     detail: `${also}${isTold ? "" : `, ${context}`}${place.kind && ` · ${kindOf(place)}`}`,
-    take,
+    take: () => {
+      write(end, place.name);
+      setPlace(end, place);
+    },
   };
 }
 
@@ -175,21 +176,25 @@ function isEnd(field: Field): field is End {
 
 /** Take a place on the way out, with what is written in the fields after it. */
 function removeVia(at: number): void {
-  const without = <T,>(all: ByField<T>): ByField<T> => {
-    const next: ByField<T> = {};
-    for (const [name, value] of Object.entries(all) as [Field, T][]) {
-      const k = isEnd(name) ? -1 : Number(name.slice(3));
-      const moved: Field = k > at ? `via${k - 1}` : name;
-      if (k !== at) next[moved] = value;
-    }
-    return next;
-  };
+  const kept = fieldsOfJourney().filter((name) => name !== `via${at}`);
   batch(() => {
-    typed.value = without(typed.value);
-    unknown.value = without(unknown.value);
-    suggested.value = {};
     vias.value = vias.value.filter((_, k) => k !== at);
+    const moved = <T,>(all: ByField<T>): ByField<T> =>
+      Object.fromEntries(fieldsOfJourney().map((name, k) => [name, all[kept[k] as Field]]));
+    typed.value = moved(typed.value);
+    unknown.value = moved(unknown.value);
+    suggested.value = {};
   });
+}
+
+function addVia(): void {
+  vias.value = [...vias.value, null];
+}
+
+/** Drive back after a pause [s]; null to stay. */
+function setPause(nextS: number | null): void {
+  pauseS.value = nextS;
+  void plan();
 }
 
 /** From and To, with places on the way and the way back; a service without a map has none. */
@@ -206,21 +211,19 @@ export function JourneyForm() {
       <div class="inline">
         <Tick
           label={words.andBack}
-          checked={isRound.value}
-          onChange={(checked) => {
-            isRound.value = checked;
-            void plan();
-          }}
+          checked={pauseS.value !== null}
+          onChange={(checked) => setPause(checked ? 0 : null)}
         />
-        {vias.value.length < MOST_STOPS - 2 && (
-          <Button
-            class="link"
-            onClick={() => {
-              vias.value = [...vias.value, null];
-            }}
-            label={words.addVia}
+        {pauseS.value !== null && (
+          <NumberField
+            label={words.pause}
+            value={pauseS.value || null}
+            quantity={HOURS}
+            digits={1}
+            onChange={(next) => setPause(Math.max(next ?? 0, 0))}
           />
         )}
+        {vias.value.length < MOST_STOPS - 2 && <Button class="link" onClick={addVia} label={words.addVia} />}
       </div>
       <Submit label={words.plan} disabled={isEmpty} />
     </form>

@@ -68,7 +68,7 @@ function shownVerdict(now: Answer): Verdict {
 function sentence(now: Answer): string {
   const { verdict: words } = text.value;
   if (isLookingForStops.value) return words.looking;
-  const isRound = trip.value?.isRound ?? false;
+  const isRound = (trip.value?.pauseS ?? null) !== null;
   const stops = now.charges > 0 ? words.withStops(now.charges) : "";
   if (shownVerdict(now) === "good") return (isRound ? words.arrivesBack : words.arrives) + stops;
   const probably = (isRound ? words.probablyBack : words.probably) + stops;
@@ -258,8 +258,9 @@ function ToDo({ of }: { of: Forecast }) {
   const isLow = departsAt === null && soc < Math.max(reserve, LOW_SOC);
   const leaves = needed !== undefined && (!plan || (needed <= 1 && !isLow));
   const back = turn.value;
+  const { shown, span } = format.value;
   const texts = [
-    back && words.turn(back.name, format.value.shown(back.soc, PERCENT)),
+    back && words.turn(back.name, shown(back.soc, PERCENT), back.pauseS ? span(back.pauseS) : ""),
     leaves && !(isStuck.value && needed > 1) && leaveText(needed, of),
     isStuck.value && (map.value?.stations === 0 ? words.noStations : words.noStopHelps),
     isStuck.value && isLow && words.callHelp,
