@@ -139,6 +139,7 @@ EXTRAS: Final[Mapping[str, tuple[str, ...]]] = {
     "service": ("fastapi", "pydantic", "uvicorn", "orjson", "prometheus_client"),
     "fleet": ("deltalake", "pyarrow", "lightgbm", "matplotlib"),
     "routing": ("httpx",),
+    "elevation": ("rasterio",),
     "live": ("aiomqtt",),
     "mcp": ("mcp",),
     "gamm": ("tripwatt_gamm",),
@@ -190,14 +191,9 @@ def extras_faults(needed: Mapping[str, str]) -> list[Fault]:
     """
     missing = {extra: [name for name in EXTRAS[extra] if not _is_there(name)] for extra in needed}
     missing = {extra: modules for extra, modules in missing.items() if modules}
+    what, fix = "missing package", install(*missing)
     return [
-        Fault(
-            "missing package",
-            needed[extra],
-            f"no {', '.join(modules)}",
-            f"the extra {extra}",
-            install(*missing),
-        )
+        Fault(what, needed[extra], f"no {', '.join(modules)}", f"the extra {extra}", fix)
         for extra, modules in missing.items()
     ]
 

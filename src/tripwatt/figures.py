@@ -75,9 +75,8 @@ def place_for_panels(ax: Axes | None, width_in: float, height_in: float) -> Figu
         return ShownFigure(figsize=(width_in, height_in), layout="constrained")
     cell = ax.get_subplotspec()
     if cell is None:
-        raise InvalidInput.of(
-            "axes without a grid", "ax", f"{ax}", "axes that subplots() or add_subplot() made"
-        )
+        allowed = "axes that subplots() or add_subplot() made"
+        raise InvalidInput.of("axes without a grid", "ax", f"{ax}", allowed)
     around = ax.figure
     ax.remove()
     return around.add_subfigure(cell)

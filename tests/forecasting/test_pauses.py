@@ -1,6 +1,7 @@
 """A pause on the way: the car cools down, and takes the energy of a further warm-up."""
 
 from dataclasses import replace
+from itertools import pairwise
 
 import pytest
 
@@ -31,7 +32,7 @@ def taken_wh(model: tw.ForecastModel, pause_s: float, departure: tw.Departure = 
 
 def test_the_energy_grows_with_the_pause_and_saturates(model):
     energies = [taken_wh(model, hours * HOUR_S) for hours in (0.0, 0.1, 0.5, 1.0, 3.0, 10.0, 100.0)]
-    steps = [later - earlier for earlier, later in zip(energies, energies[1:], strict=False)]
+    steps = [later - earlier for earlier, later in pairwise(energies)]
     assert min(steps[:-2]) > 1.0
     assert energies[-1] - energies[0] > 200.0
     assert steps[-1] == pytest.approx(0.0, abs=2.0)

@@ -1,6 +1,7 @@
 """The weather along a road."""
 
 import datetime as dt
+from dataclasses import replace
 
 import httpx
 import numpy as np
@@ -196,6 +197,12 @@ def test_the_weather_is_asked_along_the_road_when_the_car_comes_by():
     assert len(weather) == 3
     assert asked[1][0].latitude_deg == pytest.approx(47.45)
     assert (asked[1][1] - NOON).total_seconds() == pytest.approx(2000.0)
+    paused = replace(long, stop_position_m=(60_000.0,)).with_pause(7200.0)
+    weather_along(paused, Source(), NOON)
+    later = [
+        (after[1] - before[1]).total_seconds() for before, after in zip(asked[:3], asked[3:], strict=True)
+    ]
+    assert later == pytest.approx([0.0, 0.0, 7200.0])
 
 
 @pytest.mark.parametrize(

@@ -281,14 +281,12 @@ def with_outside(corrector: PowerCorrector, fitted: Corrector | None) -> PowerCo
     if not isinstance(missing, Missing):
         if fitted is None:
             return corrector
-        raise InvalidInput.of(
-            "corrector has no effect", "corrector", type(fitted).__name__, "the model is whole"
-        )
+        got = type(fitted).__name__
+        raise InvalidInput.of("corrector has no effect", "corrector", got, "the model is whole")
     if fitted is None:
         fix = "load_model(FOLDER, corrector=FITTED), with the `outside` of the model that was stored"
-        raise InvalidInput.of(
-            "model lacks its corrector", "corrector", "none", f"a fitted {missing.name}", fix
-        )
+        allowed = f"a fitted {missing.name}"
+        raise InvalidInput.of("model lacks its corrector", "corrector", "none", allowed, fix)
     if isinstance(corrector, TableCorrector):
         return TableCorrector(fitted)
     assert isinstance(corrector, LearnerCorrector)

@@ -110,9 +110,8 @@ def checked(predicted: object, rows: int, model: object) -> FloatArray:
     try:
         values = np.asarray(predicted, dtype=np.float64)
     except (TypeError, ValueError):
-        raise InvalidInput.of(
-            "prediction cannot be used", where, type(predicted).__name__, "numbers"
-        ) from None
+        got = type(predicted).__name__
+        raise InvalidInput.of("prediction cannot be used", where, got, "numbers") from None
     if values.shape != (rows,):
         got, allowed = f"shape {values.shape}", f"shape ({rows},)"
         raise InvalidInput.of("prediction cannot be used", where, got, allowed)

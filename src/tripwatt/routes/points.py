@@ -120,9 +120,8 @@ def decode_polyline(text: str, where: str, *, precision: float = 1e5, dimensions
         raise InvalidInput.of("not an encoded polyline", where, repr(text[:20]), "an encoded polyline")
     if lengths[-1] or len(ends) % dimensions or len(ends) < 2 * dimensions:
         got = f"{len(ends)} numbers{' and a part of one' if lengths[-1] else ''}"
-        raise InvalidInput.of(
-            "not an encoded polyline", where, got, f"{dimensions} for each of at least 2 points"
-        )
+        allowed = f"{dimensions} for each of at least 2 points"
+        raise InvalidInput.of("not an encoded polyline", where, got, allowed)
     place = np.arange(len(chunks)) - np.repeat(starts, lengths)
     values = np.add.reduceat((chunks & 0x1F) << (5 * place), starts[:-1])
     numbers = np.where(values & 1, ~(values >> 1), values >> 1)

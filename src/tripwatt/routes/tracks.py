@@ -323,12 +323,8 @@ class Track:
         fast = np.flatnonzero(speed > FASTEST_LINK_M_S)
         if len(fast):
             got = f"{speed[fast[0]] / M_S_PER_KM_H:.0f} km/h at {time[fast[0]]:g} s"
-            raise InvalidInput.of(
-                "implausible jump of the track",
-                "track",
-                got,
-                f"at most {FASTEST_LINK_M_S / M_S_PER_KM_H:g} km/h",
-            )
+            allowed = f"at most {FASTEST_LINK_M_S / M_S_PER_KM_H:g} km/h"
+            raise InvalidInput.of("implausible jump of the track", "track", got, allowed)
         position, height, flags = self.elevation()
         columns, at_m = {"time_s": time, "speed_m_s": speed}, np.interp(time, known_s, driven)
         if position is not None and height is not None:

@@ -116,10 +116,8 @@ class _Reader:
             raise InvalidInput.of("no track in the file", self.name, f"{self.number} points", allowed)
         points, times = lines[0]
         if times and len(times) != len(points):
-            got = f"{len(times)} times, {len(points)} points"
-            raise InvalidInput.of(
-                "times and points differ in number", self.name, got, "a time for each point"
-            )
+            got, allowed = f"{len(times)} times, {len(points)} points", "a time for each point"
+            raise InvalidInput.of("times and points differ in number", self.name, got, allowed)
         latitude, longitude, height = np.array(points, dtype=np.float64).T
         time, started_at, flags = parse_times(times, self.name)
         flags = (*first_of_several("tracks and routes", len(lines)), *flags)
@@ -131,9 +129,8 @@ class _Reader:
         tag = tag.rpartition(":")[2]
         if not self.path:
             if tag not in _FORMATS:
-                raise InvalidInput.of(
-                    f"not {_NAMES}", self.name, f"<{tag[:40]}>", f"<{'>, <'.join(_FORMATS)}>"
-                )
+                got, allowed = f"<{tag[:40]}>", f"<{'>, <'.join(_FORMATS)}>"
+                raise InvalidInput.of(f"not {_NAMES}", self.name, got, allowed)
             self.root, self.lines = tag, {kind: [] for kind in _FORMATS[tag][0]}
         self.path.append(tag)
         if len(self.path) > _MAX_DEPTH:

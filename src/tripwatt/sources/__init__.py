@@ -85,8 +85,7 @@ def read_logs(
         known = load_vehicle(car) if isinstance(car, str) else car
         return read_table(source, mapping, strict=strict, vehicle=known, progress=progress, heights=heights)
     if mapping is not None:
-        raise InvalidInput.of(
-            "mapping has no effect", "mapping", f"{mapping}", "only with the data set 'table'"
-        )
+        allowed = "only with the data set 'table'"
+        raise InvalidInput.of("mapping has no effect", "mapping", f"{mapping}", allowed)
     reader: Callable[..., TripSet] = getattr(import_module(f"{__name__}.{dataset}"), f"read_{dataset}")
     return reader(Path(source), strict=strict)

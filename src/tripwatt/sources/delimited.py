@@ -295,9 +295,8 @@ def _text_bytes(path: Path, data: bytes) -> bytes:
             raise InvalidInput(_not_text(path, "damaged UTF-16")) from error
     data = data.removeprefix(b"\xef\xbb\xbf")
     if not data.strip():
-        raise InvalidInput.of(
-            "empty file", f"{path}", f"{len(data)} bytes", "a header and rows", "fetch the file again"
-        )
+        got, fix = f"{len(data)} bytes", "fetch the file again"
+        raise InvalidInput.of("empty file", f"{path}", got, "a header and rows", fix)
     if b"\0" in data[:65536]:
         raise InvalidInput(_not_text(path, "zero bytes"))
     return data.replace(b"\r\n", b"\n") if b"\n" in data else data.replace(b"\r", b"\n")

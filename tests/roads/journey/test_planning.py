@@ -148,7 +148,6 @@ def test_a_plan_with_stops_has_the_pause_once(model):
         journey(model, departure, stops=(A, far), round_trip=True, pause_s=pause_s)
         for pause_s in (0.0, 8.0 * HOUR_S)
     )
-    assert at_once.charging and paused.charging
     assert sum(len(leg.road.links.pauses) for leg in paused.charging.legs) == 1
     assert paused.charging.duration_s == pytest.approx(at_once.charging.duration_s + 8.0 * HOUR_S, rel=0.03)
     assert paused.charging.energy_wh > at_once.charging.energy_wh

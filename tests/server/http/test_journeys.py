@@ -357,7 +357,14 @@ class Noted:
 def test_a_journey_has_the_options_of_its_request(jobs: JourneyJobs, monkeypatch: pytest.MonkeyPatch) -> None:
     noted = Noted()
     monkeypatch.setattr(journeys, "journey_with", noted)
-    more = {"reserve": 0.2, "alternatives": 2, "round_trip": True, "answers": False, "soc": 0.6}
+    more = {
+        "reserve": 0.2,
+        "alternatives": 2,
+        "round_trip": True,
+        "pause_s": 3600.0,
+        "answers": False,
+        "soc": 0.6,
+    }
     request = check_request({"stops": [WEST, EAST], **more}, PlanRequest)
     model: Any = object()
     assert jobs.plan(request, model) == {"noted": True}
@@ -368,6 +375,7 @@ def test_a_journey_has_the_options_of_its_request(jobs: JourneyJobs, monkeypatch
         True,
         False,
     )
+    assert options.pause_s == 3600.0
     assert (drive.departure.soc, drive.model is model, atlas is jobs.atlas) == (0.6, True, True)
     assert [(stop.latitude_deg, stop.longitude_deg) for stop in stops] == [
         (47.0, 9.0),

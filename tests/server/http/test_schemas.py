@@ -108,6 +108,7 @@ def test_the_defaults_of_a_request() -> None:
     assert plan.pop("stops") == [PLACE | {"name": "", "kind": ""}, "Ostheim"]
     assert [plan.pop(name) for name in ("avoid", "networks")] == [[], []]
     assert [plan.pop(name) for name in ("reserve", "alternatives", "stop_overhead_s")] == [0.1, 0, 300.0]
+    assert plan.pop("pause_s") == 0.0
     assert plan == {"round_trip": False, "answers": True, "charge": True, "preheat_battery": False}
     for kind, more in ((ForecastRequest, {}), (ReachRequest, REACH)):
         assert check_request({**more, "reserve": None}, kind).reserve == 0.1

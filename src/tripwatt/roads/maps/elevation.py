@@ -24,7 +24,7 @@ import numpy.typing as npt
 
 from tripwatt.arrays import FloatArray
 from tripwatt.containers import Budget, open_archive
-from tripwatt.errors import Fault, InvalidInput, install, raise_faults
+from tripwatt.errors import Fault, InvalidInput, raise_faults, require_extras
 from tripwatt.files import read_file
 
 ROWS: Final = 3601
@@ -103,7 +103,7 @@ class Elevation:
             allowed = "files such as N47E009.hgt, N47E009.hgt.zip or GeoTIFF"
             raise InvalidInput.of("no elevation tiles", "--elevation", str(folder), allowed)
         if rasters:
-            _rasterio()
+            require_extras({"elevation": "--elevation with GeoTIFF"})
         return cls(packed, rasters)
 
     def write(self, folder: Path, bounds_deg: Sequence[float] | None) -> dict[str, Any]:
@@ -262,23 +262,13 @@ def _refined(heights_m: Heights) -> Heights:
     return fine
 
 
-def _rasterio() -> Any:
-    try:
-        import rasterio.errors  # an extra
-        import rasterio.warp
-    except ImportError as error:
-        fix = f"{install('elevation')}, or give tiles of SRTM (.hgt)"
-        raise InvalidInput.of(
-            "missing package", "--elevation with GeoTIFF", str(error)[:80], fix=fix
-        ) from error
-    return rasterio
-
-
 def _warped(paths: Sequence[Path], cell: Cell, credits: dict[str, None]) -> Heights | None:
     """Read the heights of a cell from all rasters that overlap it; returns None if no raster has any."""
     if not paths:
         return None
-    rasterio = _rasterio()
+    import rasterio.errors  # an extra
+    import rasterio.warp
+
     south, west = cell
     step = 1.0 / (ROWS - 1)
     heights = np.full((ROWS, ROWS), np.nan, dtype=np.float32)

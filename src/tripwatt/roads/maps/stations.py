@@ -223,18 +223,14 @@ def read_stations(path: Path | str) -> tuple[Station, ...]:
     InvalidInput
         If the file has faults.
     """
-    path = Path(path)
-    text = read_text_file(
-        path, MAX_STATIONS_BYTES, what="cannot read the stations", allowed="a CSV table in UTF-8"
-    )
+    path, what, allowed = Path(path), "cannot read the stations", "a CSV table in UTF-8"
+    text = read_text_file(path, MAX_STATIONS_BYTES, what=what, allowed=allowed)
     try:
         reader = csv.DictReader(io.StringIO(text, newline=""))
         names = reader.fieldnames or ()
         rows = list(itertools.islice(reader, MAX_STATIONS + 1))
     except csv.Error as error:
-        raise InvalidInput.of(
-            "cannot read the stations", f"{path}", f"{error}"[:80], "a CSV table"
-        ) from error
+        raise InvalidInput.of(what, f"{path}", f"{error}"[:80], allowed) from error
     missing = [name for name in BOUNDS if name not in names]
     if missing:
         raise InvalidInput.of("missing column", path.name, ", ".join(missing), ", ".join(BOUNDS))

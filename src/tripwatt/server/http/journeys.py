@@ -141,6 +141,4 @@ class JourneyJobs:
 
 def place_of(stop: str | asked.PlaceRequest) -> str | Place:
     """Return a stop of a request as a place, or its text if the stop is given by name."""
-    if isinstance(stop, str):
-        return stop
-    return Place(**stop.model_dump())
+    return stop if isinstance(stop, str) else Place(**stop.model_dump())
