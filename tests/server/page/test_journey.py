@@ -706,9 +706,11 @@ def test_the_way_back_and_a_place_on_the_way(page: Any, expected: list[str]) -> 
     choose(page, "Via 1", "haupt", "Hauptstraße")
     choose(page, "To", "ost", "Ostheim")
     page.get_by_label("And back").press("Space")
+    page.get_by_label("Pause at the destination").fill("8")
     with page.expect_response(lambda r: r.url.endswith("/v1/journeys")) as asked:
         page.get_by_role("button", name="Plan", exact=True).press("Enter")
     sent = asked.value.request.post_data_json
+    assert sent["pause_s"] == 28_800.0
     assert [stop["name"] for stop in sent["stops"]] == ["Westend", "Hauptstraße, Westend", "Ostheim"]
     assert sent["round_trip"] is True
     page.get_by_text("Westend – Hauptstraße, Westend – Ostheim – Westend").first.wait_for()
