@@ -214,6 +214,7 @@ export function JourneyForm() {
           checked={pauseS.value !== null}
           onChange={(checked) => setPause(checked ? 0 : null)}
         />
+        {vias.value.length < MOST_STOPS - 2 && <Button class="link" onClick={addVia} label={words.addVia} />}
         {pauseS.value !== null && (
           <NumberField
             label={words.pause}
@@ -223,7 +224,6 @@ export function JourneyForm() {
             onChange={(next) => setPause(Math.max(next ?? 0, 0))}
           />
         )}
-        {vias.value.length < MOST_STOPS - 2 && <Button class="link" onClick={addVia} label={words.addVia} />}
       </div>
       <Submit label={words.plan} disabled={isEmpty} />
     </form>
