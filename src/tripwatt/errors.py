@@ -7,6 +7,7 @@ faults of an input, so that a user mends a file once.
 from __future__ import annotations
 
 import difflib
+import re
 import reprlib
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence, Sized
 from contextlib import contextmanager
@@ -117,8 +118,11 @@ class Fault:
 
     @property
     def texts(self) -> dict[str, str]:
-        """The texts of the fault that are not empty, by the name of their field."""
-        return {name: text for name, text in asdict(self).items() if text and isinstance(text, str)}
+        """The texts of the fault that are not empty, by the name of their field, after a code for its kind."""
+        code = re.sub(r"[^a-z]+", "-", self.what.lower()).strip("-")[:60]
+        return {"code": code} | {
+            name: text for name, text in asdict(self).items() if text and isinstance(text, str)
+        }
 
     def __str__(self) -> str:
         text = f"{self.what}: {printable(self.where[:MAX_CHARACTERS])}"

@@ -250,9 +250,9 @@ def test_columns_are_corrected_and_the_battery_fills_in_what_the_log_lacks(servi
 @pytest.mark.parametrize(
     ("body", "what"),
     [
-        ({"name": "", "car": "vw_id3"}, "at least 1 character"),
-        ({"name": "none"}, "Field required"),
-        ({"name": "number", "car": 3}, "Input should be"),
+        ({"name": "", "car": "vw_id3"}, "text too short"),
+        ({"name": "none"}, "missing field"),
+        ({"name": "number", "car": 3}, "not an object"),
         ({"name": "other", "car": "vw_id33"}, "unknown car"),
         ({"name": "bmw_i3_tum", "car": "vw_id3"}, "name is taken"),
     ],

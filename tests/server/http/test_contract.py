@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import copy
+import inspect
 import re
 from collections.abc import Iterator
 from typing import Any
@@ -16,8 +17,14 @@ from starlette.requests import Request
 from tests.support import ROOT
 from tests.support.service_process import Service
 
+import tripwatt as tw
+from tripwatt.command.distances import Drive, need, range_
+from tripwatt.command.forecast import advise, forecast
+from tripwatt.command.journey import reach
 from tripwatt.errors import InvalidInput
+from tripwatt.fleet.nights import needs_by_hour
 from tripwatt.forecasting.document import ForecastResponse
+from tripwatt.roads.journey import JourneyOptions, find_reach
 from tripwatt.server.http.app import openapi_document
 from tripwatt.server.http.example_requests import EXAMPLES
 from tripwatt.server.http.jobs import Jobs
@@ -26,6 +33,7 @@ from tripwatt.server.http.problems import TITLES, json_pointer
 from tripwatt.server.http.schemas import check_request
 from tripwatt.server.http.settings import Limits
 from tripwatt.server.http.worker import chosen_fields
+from tripwatt.server.mcp import TOOLS
 
 
 @pytest.fixture(scope="module")
@@ -176,7 +184,7 @@ def test_what_is_refused_names_what_is_allowed(service: Service, complete: Servi
         assert isinstance(found, dict)
         return found
 
-    assert fault({"soc": 80})["allowed"] == "less than or equal to 1"
+    assert fault({"soc": 80})["allowed"] == "at most 1"
     assert fault({"climate": "warm"})["allowed"] == "'auto', 'off', 'heat' or 'cool'"
     vehicle = fault({"car": "zzzz"})
     assert "GET /v1/vehicles" in vehicle["allowed"]
@@ -364,3 +372,60 @@ def test_no_parameter_is_documented_as_null(document: dict[str, Any]) -> None:
     parameters = [p for o in operations(document) for p in o.get("parameters", ())]
     assert len(parameters) > 50
     assert [p for p in parameters if nullable(p["schema"]) or p["schema"].get("type") == "null"] == []
+
+
+def test_the_type_of_every_problem_is_an_address(service: Service) -> None:
+    for kind, (status, title) in TITLES.items():
+        answer = service.client.get(f"/problems/{kind}")
+        assert (answer.status_code, answer.json()) == (
+            200,
+            {"type": f"/problems/{kind}", "title": title, "status": status},
+        )
+    assert service.client.get("/problems/moon").status_code == 404
+
+
+NOT_NOUNS = {"vehicle", "vehicle_id", "car_id", "quantile", "chance", "own_car", "trip_id"}
+"""Names that say car, trip or probability otherwise."""
+
+LIBRARY = {"CarSummary.vehicle", "CarResponse.vehicle", "FittedModel.vehicle", "DiaryEntry.trip_id"}
+"""Fields of answers about what a car or a model is made of."""
+
+
+def test_one_thing_has_one_name_and_one_default(document: dict[str, Any]) -> None:
+    schemas = document["components"]["schemas"]
+    fields = {
+        f"{of}.{name}": field
+        for of, kind in schemas.items()
+        for name, field in kind.get("properties", {}).items()
+    }
+    named = {place for place in fields if place.rpartition(".")[2] in NOT_NOUNS}
+    assert named == LIBRARY
+    asked = [p for operation in operations(document) for p in operation.get("parameters", ())]
+    assert not {parameter["name"] for parameter in asked} & NOT_NOUNS
+    defaults = {"reserve": 0.1, "probability": 0.95}
+    for name, default in defaults.items():
+        of_requests = [field for place, field in fields.items() if place.endswith(f"Request.{name}")]
+        of_queries = [parameter["schema"] for parameter in asked if parameter["name"] == name]
+        given = [field["x-default"] for field in of_requests if "x-default" in field]
+        given += [field.get("default", field.get("x-default")) for field in of_queries]
+        assert given
+        assert set(given) == {default}, name
+
+
+def test_every_door_has_the_same_defaults() -> None:
+    """Functions, the command line and the tools of assistants."""
+    functions = (tw.need, tw.range_km, tw.advise, tw.soc_needed, JourneyOptions, needs_by_hour, find_reach)
+    for function in functions:
+        known = inspect.signature(function).parameters
+        assert known["reserve"].default == 0.1, function
+        assert "probability" not in known or known["probability"].default == 0.95, function
+        assert not NOT_NOUNS & known.keys()
+    for tool in TOOLS.values():
+        fields = tool.takes.model_fields
+        assert not NOT_NOUNS & fields.keys()
+        assert "reserve" not in fields or fields["reserve"].default == 0.1
+    for command in (need, range_, reach, forecast, advise):
+        options = inspect.signature(command).parameters
+        assert not (NOT_NOUNS - {"vehicle"}) & options.keys()
+        assert "reserve" not in options or options["reserve"].default == 0.1
+    assert Drive().reserve == 0.1

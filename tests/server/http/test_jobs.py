@@ -116,7 +116,7 @@ def test_a_distance_is_answered_for_a_described_car(jobs: Jobs) -> None:
     assert far["range_m"] > 1.5 * jobs.run("range", b"{}")["range_m"]
     assert {f.where for f in faults_of(jobs, "distance", asked(car='{"mass_kg": 1}'))} == {"car.mass_kg"}
     (fault,) = faults_of(jobs, "distance", asked(car="{"))
-    assert (fault.what, fault.where) == ("not JSON", "query.car")
+    assert (fault.what, fault.where) == ("not JSON", "car")
 
 
 def test_the_charge_that_the_car_of_a_request_shows_is_that_of_its_departure(jobs: Jobs) -> None:

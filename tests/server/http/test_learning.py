@@ -123,9 +123,8 @@ def test_a_trip_of_the_road_enters_the_diary_and_teaches_without_a_restart(
     start_s = time.time() - 6.0 * HOUR_S
     (tmp_path / "logs").mkdir()
     with followed(cars, tmp_path / "logs") as service:
-        assert service.client.get("/v1/live").json()["cars"] == [
-            {"car": "leaf", "seconds_since_message": None, "on_trip": False}
-        ]
+        (leaf,) = service.client.get("/v1/live").json()["cars"]
+        assert (leaf["car"], leaf["seconds_since_message"], leaf["trip"]) == ("leaf", None, None)
         by_book = service.forecast({**plan, "car": "leaf"}).json()["energy_wh"]
         at_departure = service.client.put("/v1/live/leaf/plan", json=plan).json()["forecast"]
         assert at_departure["energy_wh"] == pytest.approx(by_book, rel=1e-9), "by the car's own model"

@@ -54,8 +54,13 @@ def test_fifty_faults_are_listed_and_further_ones_counted() -> None:
     assert (len(fifty["faults"]), "more_faults" in fifty) == (50, False)
     one_more = invalid_input(faults[:51]).document()
     assert (len(one_more["faults"]), one_more["more_faults"]) == (50, 1)
-    assert one_more["faults"][49] == {"what": "wrong", "where": "f49", "pointer": "/f49"}
+    assert one_more["faults"][49] == {"code": "wrong", "what": "wrong", "where": "f49", "pointer": "/f49"}
     assert invalid_input(faults).document()["more_faults"] == 2
+
+
+def test_a_parameter_has_its_name_and_each_problem_an_address() -> None:
+    (fault,) = invalid_input([Fault("out of range", "query.distance_km", "-5")]).document()["faults"]
+    assert (fault["parameter"], fault["code"], "pointer" in fault) == ("distance_km", "out-of-range", False)
 
 
 def test_the_detail_names_the_first_three_faults() -> None:
@@ -66,7 +71,7 @@ def test_the_detail_names_the_first_three_faults() -> None:
 
 def test_a_text_of_a_fault_is_cut_after_300_characters() -> None:
     found = fault_document(Fault("w" * 300, "x" * 301, "\ud800"))
-    assert found == {"what": "w" * 300, "where": "x" * 300, "got": "?"}
+    assert found == {"code": "w" * 60, "what": "w" * 300, "where": "x" * 300, "got": "?"}
 
 
 def test_the_response_has_headers_and_media_type() -> None:

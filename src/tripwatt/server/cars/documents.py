@@ -7,8 +7,9 @@ from __future__ import annotations
 
 import math
 from dataclasses import asdict
-from typing import Any, Final, Literal, NotRequired, cast
+from typing import Annotated, Any, Final, Literal, NotRequired, cast
 
+from pydantic import Field
 from typing_extensions import TypedDict  # pydantic cannot read that of Python 3.11
 
 from tripwatt.errors import InvalidInput
@@ -16,6 +17,9 @@ from tripwatt.forecasting import Forecast
 from tripwatt.forecasting.document import FlagDocument, by_probability, described
 from tripwatt.roads.advice import Message, Progress
 from tripwatt.trips.messages import flag_to_dict
+
+TimeText = Annotated[str, Field(json_schema_extra={"format": "date-time"})]
+"""A time in ISO 8601 with its zone."""
 
 QUANTILES: Final = (0.05, 0.5, 0.95)
 LOW, HIGH = f"{QUANTILES[0]:g}", f"{QUANTILES[-1]:g}"
@@ -26,9 +30,14 @@ LOW, HIGH = f"{QUANTILES[0]:g}", f"{QUANTILES[-1]:g}"
 class ProblemFault(TypedDict):
     """One thing that is wrong with an input."""
 
+    code: str
+    """kind of the fault"""
     what: str
+    """the same in words"""
     where: str
     """field, or position in an upload"""
+    parameter: NotRequired[str | None]
+    """name of the parameter in the URL of the request"""
     pointer: NotRequired[str | None]
     """JSON pointer (RFC 6901) of the field in the body of the request"""
     got: NotRequired[str | None]
@@ -69,7 +78,7 @@ class LiveForecastDocument(TypedDict):
 class LiveTripDocument(TypedDict):
     """The trip that a car is on."""
 
-    departs_at: str
+    departs_at: TimeText
     """UTC"""
     duration_s: float
     distance_m: float

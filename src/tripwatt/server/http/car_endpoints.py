@@ -55,6 +55,11 @@ CarName = Annotated[str, PathValue(pattern=f"^{VALID_NAME.pattern}$", descriptio
 UploadName = Annotated[
     str, PathValue(pattern="^[a-z0-9]{8,32}$", description="name of the upload, chosen by the client")
 ]
+Entries = Annotated[int, Query(ge=0, le=1000, description="most entries of the diary")]
+Trip = Annotated[
+    str | None,
+    Query(max_length=200, description="only entries before this trip: the last one of the answer before"),
+]
 FileName = Annotated[str, PathValue(min_length=1, max_length=200, description="name of the file")]
 MessageText = Annotated[str, Query(max_length=4000, description="the message as JSON text")]
 EventToken = Annotated[
@@ -85,10 +90,10 @@ async def new_car(call: Called) -> Response:
 
 
 @cars.get("/v1/cars/{car}", response_model=schemas.CarResponse)
-async def get_car(call: Called, car: CarName) -> Response:
-    """Return a car, what it learned, and its diary."""
+async def get_car(call: Called, car: CarName, limit: Entries = 200, before: Trip = None) -> Response:
+    """Return a car, what it learned, and its diary, the newest entries first."""
     learning = call.service.learning.document(car)  # before: what is done by then is shown
-    return _with_learning(await call.job("cars.show", name=car), learning)
+    return _with_learning(await call.job("cars.show", name=car, limit=limit, before=before), learning)
 
 
 @cars.delete("/v1/cars/{car}", response_model=schemas.Forgotten)
@@ -139,7 +144,7 @@ async def learn(call: Called, car: CarName, upload: UploadName) -> Response:
         return checked
     faults = orjson.loads(checked.body)["faults"]
     if faults:
-        known = ({name: text for name, text in fault.items() if text} for fault in faults)
+        known = ({name: text for name, text in fault.items() if text and name != "code"} for fault in faults)
         raise invalid_input([Fault(**{"where": "logs", **fault}) for fault in known])
     call.service.learning.require_idle(car)
     call.service.learning.start(Learning(upload), {"kind": "cars.learn", **job}, body)

@@ -7,7 +7,7 @@ import os
 import shutil
 import time
 from collections.abc import Callable, Hashable, Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any, Final
 
@@ -105,12 +105,13 @@ class CarJobs:
                 damaged[folder.name] = [*map(fault_document, faults)]
         return {"cars": None if self.folder is None else cars, "damaged": damaged}
 
-    def show(self, name: str) -> dict[str, Any]:
-        """Return a car and its diary, as `CarResponse` without `learning`."""
+    def show(self, name: str, limit: int = 200, before: str | None = None) -> dict[str, Any]:
+        """Return a car and the last `limit` entries of its diary, those before a trip, as `CarResponse` without `learning`."""
         car = self.car(name)
         diary = car.diary
         description = car.about(diary)
-        rows = diary.table.tail(200).iloc[::-1].to_dict("records")  # a page shows no more
+        table = diary.table if before is None else diary.table[: diary.table["trip_id"].eq(before).argmax()]
+        rows = table.tail(limit).iloc[::-1].to_dict("records")
         return {**_summary(car, description, CarResponse), "diary": [_diary_entry(row, car) for row in rows]}
 
     def create(self, name: str, vehicle: Vehicle | str) -> dict[str, Any]:
@@ -316,7 +317,7 @@ def _without_folder(error: InvalidInput, tables: Path) -> InvalidInput:
     """Return the same faults with names of files without the service's folder, which clients need not know."""
     folder = f"{tables}{os.sep}"
     return InvalidInput(
-        Fault(**{name: text.replace(folder, "") for name, text in fault.texts.items()}, count=fault.count)
+        replace(fault, where=fault.where.replace(folder, ""), got=fault.got.replace(folder, ""))
         for fault in error.faults
     )
 

@@ -31,7 +31,7 @@ from tripwatt.server.http.openapi import (
     request_content,
     response_content,
 )
-from tripwatt.server.http.problems import Problem
+from tripwatt.server.http.problems import TITLES, Problem
 from tripwatt.server.http.service import Called, json_response
 
 BATCH_TYPES: Final = (NDJSON, "application/jsonl", "application/ndjson")
@@ -52,6 +52,7 @@ NameStart = Annotated[
 ]
 MaxPlaces = Annotated[int, Query(ge=1, le=50, description="most places")]
 MaxShown = Annotated[int, Query(ge=1, le=1000, description="most settlements, most stations")]
+ProblemKind = Annotated[str, PathValue(max_length=40, description="last part of the type of a problem")]
 CarWords = Annotated[
     str | None, Query(min_length=1, max_length=100, description="words of the title or name, or a model year")
 ]
@@ -206,6 +207,14 @@ async def get_examples(call: Called) -> Response:
 async def get_example(call: Called, trip: str) -> Response:
     """Return one recorded trip: a request for a forecast, and the samples measured on it."""
     return await call.constant_document("example", trip=trip)
+
+
+@monitoring.get("/problems/{kind}", response_model=schemas.ProblemDocument)
+async def get_problem(call: Called, kind: ProblemKind) -> Response:
+    """Return what the type of a problem stands for."""
+    if kind not in TITLES:
+        raise Problem("not-found")
+    return json_response(Problem(kind).document())
 
 
 @monitoring.get("/healthz", response_model=schemas.HealthResponse)

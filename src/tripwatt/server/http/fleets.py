@@ -16,6 +16,7 @@ from tripwatt.fleet.nights import PlannedTrip, needs_by_hour, night_document
 from tripwatt.fleet.registry import FollowedModel, Registry
 from tripwatt.forecasting import ForecastModel, load_metadata
 from tripwatt.roads.advice.preheating import PLUG_W
+from tripwatt.server.cars.documents import TimeText
 from tripwatt.server.http import schemas
 from tripwatt.server.http.settings import Limits
 from tripwatt.vehicles import load_vehicle
@@ -119,9 +120,9 @@ class HourNeed(schemas.ResponseModel):
 
     car: str
     car_model: str
-    departs_at: str
+    departs_at: TimeText
     """departure of the first trip"""
-    arrives_at: str
+    arrives_at: TimeText
     """arrival of the last trip"""
     trips: int
     distance_m: float

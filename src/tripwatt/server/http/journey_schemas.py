@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Annotated, Any, Literal
 
 from pydantic import ConfigDict, Field, field_validator
-from pydantic_core import from_json
+from pydantic_core import PydanticCustomError, from_json
 
 from tripwatt.forecasting.document import FlagDocument, ForecastResponse
 from tripwatt.roads.advice.preheating import PLUG_W
@@ -13,6 +13,7 @@ from tripwatt.roads.journey.distances import Doubt
 from tripwatt.roads.journey.stops import ChargingStop
 from tripwatt.roads.journey.verdict import Verdict
 from tripwatt.roads.maps.stations import Station
+from tripwatt.server.cars.documents import TimeText
 from tripwatt.server.http import schemas
 from tripwatt.trips import ASKED
 
@@ -120,7 +121,7 @@ class AdviceResponse(schemas.ResponseModel):
 class PreheatDocument(schemas.ResponseModel):
     """What to warm before departure, at the least cost of wall energy, battery energy and comfort."""
 
-    starts_at: str | None
+    starts_at: TimeText | None
     """when it begins; null without a time of departure"""
     before_s: float
     """how long before the departure it begins [s]"""
@@ -213,7 +214,10 @@ class RangeQuery(JourneyCar):
     @field_validator("car", mode="before")
     @classmethod
     def _parse_figures(cls, given: Any) -> Any:
-        return from_json(given) if isinstance(given, str) and given.startswith("{") else given
+        try:
+            return from_json(given) if isinstance(given, str) and given.startswith("{") else given
+        except ValueError as error:
+            raise PydanticCustomError("not_json", "not JSON") from error
 
 
 class NeedQuery(RangeQuery):
@@ -264,7 +268,7 @@ class NeedResponse(schemas.ResponseModel):
     """what was assumed, such as an outside temperature of the car's last message"""
     target_soc: float
     """displayed state of charge to leave with, at most 1"""
-    departs_at: str | None
+    departs_at: TimeText | None
     """by when: the time of departure"""
     soc: float | None
     """displayed state of charge now: that of the request or of the last messages; null where unknown or on a trip"""

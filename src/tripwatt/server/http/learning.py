@@ -157,7 +157,9 @@ class LearningCars:
             return {"state": "running", "done": done, "total": total, **nothing}
         document = orjson.loads(learning.result.content)
         if learning.result.status != 200:
-            faults = document.get("faults") or [{"what": document["title"], "where": "logs"}]
+            faults = document.get("faults") or [
+                {"code": "failed", "what": document["title"], "where": "logs"}
+            ]
             return {"state": "failed", "done": 0, "total": None, **nothing, "faults": faults}
         trips = document["entries"]
         return {"state": "done", "done": trips, "total": trips, **document, "faults": []}

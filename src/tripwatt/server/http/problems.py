@@ -115,7 +115,9 @@ def fault_document(fault: Fault) -> dict[str, str]:
 
 
 def _with_pointer(fault: Mapping[str, str]) -> dict[str, str]:
-    pointer = json_pointer(fault["where"])
+    pointer, (place, _, name) = json_pointer(fault["where"]), fault["where"].partition(".")
+    if place == "query":
+        return {**fault, "parameter": name}
     return {**fault, **({} if pointer is None else {"pointer": pointer})}
 
 

@@ -297,6 +297,40 @@ class VehicleFigures(StrictModel):
     """name for people"""
 
 
+WORDS: Final[Mapping[str, tuple[str, str]]] = {
+    "missing": ("missing field", ""),
+    "extra_forbidden": ("unknown field", ""),
+    "greater_than": ("out of range", "more than {gt}"),
+    "greater_than_equal": ("out of range", "{ge} or more"),
+    "less_than": ("out of range", "less than {lt}"),
+    "less_than_equal": ("out of range", "at most {le}"),
+    "finite_number": ("not a finite number", ""),
+    "float_type": ("not a number", "a number"),
+    "float_parsing": ("not a number", "a number"),
+    "int_type": ("not a whole number", "a whole number"),
+    "int_parsing": ("not a whole number", "a whole number"),
+    "int_from_float": ("not a whole number", "a whole number"),
+    "bool_type": ("not true or false", "true or false"),
+    "bool_parsing": ("not true or false", "true or false"),
+    "string_type": ("not a text", "a text"),
+    "list_type": ("not a list", "a list"),
+    "tuple_type": ("not a list", "a list"),
+    "dict_type": ("not an object", "an object"),
+    "model_type": ("not an object", "an object"),
+    "model_attributes_type": ("not an object", "an object"),
+    "literal_error": ("not one of the choices", "{expected}"),
+    "too_short": ("too few entries", "at least {min_length}"),
+    "too_long": ("too many entries", "at most {max_length}"),
+    "string_too_short": ("text too short", "at least {min_length}"),
+    "string_too_long": ("text too long", "at most {max_length}"),
+    "string_pattern_mismatch": ("text of another form", "{pattern}"),
+    "datetime_type": ("not a time", "such as 2026-01-12T07:30:00+01:00"),
+    "datetime_parsing": ("not a time", "such as 2026-01-12T07:30:00+01:00"),
+    "datetime_from_date_parsing": ("not a time", "such as 2026-01-12T07:30:00+01:00"),
+    "timezone_aware": ("time without its zone", "such as 2026-01-12T07:30:00+01:00"),
+}
+"""Kind of pydantic's error -> our words for it, and what is allowed."""
+
 NAME, DOCUMENT = "(name)", "(document)"
 """Tags of the two forms of a field. Places of faults leave them out; no field can have such a name."""
 
@@ -662,8 +696,10 @@ def faults_of(errors: Iterable[Mapping[str, Any]], known: Iterable[str]) -> Iter
             continue
         is_unknown = number < MAX_HINTS and error["type"] == "extra_forbidden"
         fix = did_you_mean(str(steps[-1]), known) if is_unknown else ""
-        where, allowed = ".".join(map(str, steps))[:80], error["msg"].partition("Input should be ")[2]
-        yield Fault(error["msg"], where or "body", excerpt(error.get("input"), 80), allowed, fix)
+        what, allowed = WORDS.get(error["type"], (error["msg"], ""))
+        bounds = {n: f"{v:g}" if isinstance(v, float) else v for n, v in error.get("ctx", {}).items()}
+        where, allowed = ".".join(map(str, steps))[:80], allowed.format(**bounds)
+        yield Fault(what, where or "body", excerpt(error.get("input"), 80), allowed, fix)
 
 
 def with_elevation(route: LinkRoute, elevation: Elevation, limits: Limits) -> LinkRoute:
