@@ -14,7 +14,7 @@ from tests.roads.journey.made import COLD, MADE, A, journey
 import tripwatt as tw
 from tripwatt.command.sentences import journey_in_words
 from tripwatt.forecasting.leaving import leaving_with
-from tripwatt.roads.journey import Place, RoadForecaster, planning, plans
+from tripwatt.roads.journey import Place, RoadForecast, RoadForecaster, planning, plans
 from tripwatt.roads.journey import corridor as corridor_module
 from tripwatt.roads.journey.charging import WARM_DEGC
 from tripwatt.roads.journey.corridor import Corridor, Leg
@@ -310,6 +310,17 @@ def test_the_first_road_has_the_fewest_stops_of_those_as_fast_and_is_never_domin
                     assert (len(first.stops), first.energy_wh) <= (len(other.stops), other.energy_wh)
         times = [(plan.p_reserve < 0.95, plan.duration_s) for plan in others]
         assert times == sorted(times)
+
+
+def test_only_the_first_road_is_called_the_fastest_like_its_plan(model, monkeypatch):
+    """Also where another road is faster by less than the time of plugging in."""
+    found = journey(model, replace(COLD, soc=0.8), alternatives=1)
+    for seconds in ((3600.0, 3400.0), (3600.0, 3800.0)):
+        wholes = [SimpleNamespace(duration_s=s, energy_wh=s, p_reserve=0.96) for s in seconds]
+        by_road = dict(zip((id(road.road) for road in found.roads), wholes, strict=True))
+        monkeypatch.setattr(RoadForecast, "whole", lambda self, reserve, by=by_road: by[id(self.road)])
+        first, other = planning._label_roads([*found.roads], 0.1)
+        assert ("fastest" in first.labels, "fastest" in other.labels) == (True, False)
 
 
 def test_a_slower_road_without_a_stop_is_first_if_it_is_faster_in_all(model):

@@ -647,11 +647,11 @@ def _charging_flags(corridor: Corridor | None, plans: tuple[ChargingPlan, ...]) 
 
 
 def _label_roads(roads: list[RoadForecast], reserve: float) -> tuple[RoadForecast, ...]:
-    """Label the fastest and the one with the least energy of the roads on which the car arrives as surely as on the first, and the shortest."""
+    """Label the first road as the fastest, as `_order` means it, the shortest, and the one with the least energy of those as sure as the first."""
     wholes = [road.whole(reserve) for road in roads]
     sure = [k for k, plan in enumerate(wholes) if plan.p_reserve >= min(wholes[0].p_reserve, CERTAIN)]
     index_by_label = {
-        "fastest": min(sure, key=lambda k: wholes[k].duration_s),
+        "fastest": 0,
         "shortest": int(np.argmin([road.road.distance_m for road in roads])),
         "least energy": min(sure, key=lambda k: wholes[k].energy_wh),
     }
