@@ -136,6 +136,8 @@ def test_a_car_is_made_taught_used_and_deleted(opened: Any, service: Service) ->
     page = opened
     new_car(page, "my-i3")
     files = [table(*file) for file in logs_of(TRIPS).items()]
+    use = dialog(page).get_by_role("button", name="Use for forecasts")
+    assert "primary" not in use.get_attribute("class")  # what comes first is to add logs
     send(page, *files[:2])
     holds(page, "2 from 2 logs")
     packed = {"name": "more.zip", "mimeType": "application/zip", "buffer": archive(logs_of(TRIPS))}
@@ -144,15 +146,16 @@ def test_a_car_is_made_taught_used_and_deleted(opened: Any, service: Service) ->
     dialog(page).get_by_role("button", name="Cancel").click()
     send(page, packed)
     dialog(page).get_by_role("button", name=f"Learn {TRIPS} trips").click()
-    dialog(page).get_by_text(f"{TRIPS} new trips learned; 0 logs were known.").wait_for()
+    dialog(page).get_by_text(f"{TRIPS} new trips learned.").wait_for()
     car = service.client.get("/v1/cars/my-i3").json()
     rows = dialog(page).locator("table.diary").first.locator("tbody tr")
     assert rows.count() == TRIPS
     newest = car["diary"][0]
     assert rows.first.locator("td").nth(3).inner_text() == f"{newest['energy_wh'] / 1000.0:.2f}"
-    shown = dialog(page).locator(".before-after").first.inner_text()
+    shown = dialog(page).locator(".error-now .arrival").inner_text()
     assert f"{100.0 * car['latest_by_book']['weighted_error']:.1f}" in shown
     assert f"{100.0 * car['latest']['weighted_error']:.1f}" in shown
+    assert "primary" in use.get_attribute("class")
     by_name = {name: factor["seen_degc"] for name, factor in car["learned"].items()}
     seen = [degc for range_ in by_name.values() if range_ for degc in range_]
     shown = f"Measured at {whole(min(seen))} to {whole(max(seen))} °C."
@@ -161,7 +164,7 @@ def test_a_car_is_made_taught_used_and_deleted(opened: Any, service: Service) ->
     assert dialog(page).locator("table.learned tbody tr").count() == len(by_name)
     assert dialog(page).locator("tr.not-seen").count() == sum(value is None for value in by_name.values())
     with page.expect_response(lambda r: r.url.endswith("/v1/forecast")) as asked:
-        dialog(page).get_by_role("button", name="Use for forecasts").click()
+        use.click()
     assert asked.value.request.post_data_json["car"] == "my-i3"
     assert asked.value.ok
     page.get_by_text("my-i3, BMW i3 60 Ah: model from its own trips.").wait_for()
@@ -251,7 +254,7 @@ def test_many_files_of_which_some_are_bad(opened: Any, service: Service) -> None
     assert page.evaluate("document.activeElement.className") == "files"
     assert dialog(page).locator(".findings").count() == 0
     dialog(page).get_by_role("button", name="Learn 16 trips").click()
-    dialog(page).get_by_text("16 new trips learned; 0 logs were known.").wait_for()
+    dialog(page).get_by_text("16 new trips learned.").wait_for()
     (car,) = (c for c in service.client.get("/v1/cars").json()["cars"] if c["label"] == "My Model 3")
     assert car["in_diary"] == 16
     dialog(page).get_by_role("button", name="Use for forecasts").click()
@@ -355,7 +358,7 @@ def without_heights(log: Log) -> Log:
 
 
 @pytest.mark.parametrize("opened", [("phone", "light", "en-IE"), ("phone", "dark", "de-DE")], indirect=True)
-def test_the_diary_begins_with_the_error_and_says_what_to_switch_on(
+def test_the_diary_begins_with_the_gain_and_says_what_to_switch_on(
     opened: Any, service: Service, cars: Path
 ) -> None:
     page, name = opened, f"diary-{opened.evaluate('document.documentElement.lang')}"
@@ -368,16 +371,20 @@ def test_the_diary_begins_with_the_error_and_says_what_to_switch_on(
     dialog(page).get_by_role("button", name=name).click()
     figure = dialog(page).locator(".error-now .number")
     figure.wait_for()
-    rows = service.client.get(f"/v1/cars/{name}").json()["diary"]
+    car = service.client.get(f"/v1/cars/{name}").json()
+    rows = car["diary"]
     assert sorted(row["has_heights"] for row in rows) == [False] * 2 + [True] * 4
     parts = [rows[:3], rows[3:]]
     last, before = (
         100.0 * sum(abs(r["forecast_wh"] - r["energy_wh"]) for r in part) / sum(r["energy_wh"] for r in part)
         for part in parts
     )
-    assert float(figure.inner_text().replace(",", ".").rstrip("%")) == pytest.approx(last, abs=0.05)
-    trend = dialog(page).locator(".error-now .range").inner_text().replace(",", ".")
-    assert float(trend.split()[0].split("\u00a0")[0]) == pytest.approx(before, abs=0.05)
+    learned, without = (100.0 * car[part]["weighted_error"] for part in ("latest", "latest_by_book"))
+    assert float(figure.inner_text().replace(",", ".").rstrip("%")) == pytest.approx(learned, abs=0.05)
+    gain, trend = dialog(page).locator(".error-now .range").all_inner_texts()
+    told = [float(one) for one in re.findall(r"\d+\.\d", f"{gain} {trend}".replace(",", "."))]
+    assert told == pytest.approx([without, last, before], abs=0.05)
+    assert trend.endswith(("error falls.", "sinkt.") if last < before else ("not fall.", "nicht."))
     why = dialog(page).locator("#own-car-diary ~ .findings li").all_inner_texts()
     assert len(why) == 2, "heights, and few trips"
     assert why[0].startswith(("2 of 6 trips without heights", "2 von 6 Fahrten ohne Höhen"))

@@ -21,8 +21,8 @@ export const faultsOfCars = signal<Fault[]>([]);
 /** Whether the dialog of the cars is open. */
 export const isOpen = signal(false);
 
-/** Open the dialog, with the car of a name where one is given. */
-export function openOwnCars(name = ""): void {
+/** Open the dialog, with the car of a name; without one, with that of the page. */
+export function openOwnCars(name = car.value?.own): void {
   isOpen.value = true;
   const [only, ...others] = [...(ownCars.value ?? []), ...Object.keys(damagedCars.value)];
   const wanted = name || (typeof only === "object" && others.length === 0 ? only.name : "");

@@ -692,7 +692,7 @@ const de: Text = {
     starting: "Lernt …",
     learning: (done, total) => `Lernt: Fahrt ${done} von ${total}`,
     learnedNow: (trips, known) =>
-      `${count(trips, { one: "Aus # neuen Fahrt gelernt", other: "Aus # neuen Fahrten gelernt" })}; ${count(known, { one: "# Log war schon bekannt", other: "# Logs waren schon bekannt" })}.`,
+      `${count(trips, { one: "Aus # neuen Fahrt gelernt", other: "Aus # neuen Fahrten gelernt" })}${known > 0 ? `; ${count(known, { one: "# Log war schon bekannt", other: "# Logs waren schon bekannt" })}` : ""}.`,
     flat: (trips) =>
       `${count(trips, { one: "# davon hat", other: "# davon haben" })} keine Höhen: Schalten Sie für bessere Prognosen die Höhe in der App ein, die aufzeichnet.`,
     leftOut: (reasons) => `Ausgelassen: ${reasons}.`,
@@ -734,9 +734,10 @@ const de: Text = {
       near_22: "Verbrauch um 22 °C",
       near_32: "Verbrauch um 32 °C",
     },
-    byTrips: "eigene Fahrten",
     errorOfLast: each({ one: "Fehler der letzten Fahrt", other: "Fehler der letzten # Fahrten" }),
-    errorBefore: (error, falls) => `${error} bei ebenso vielen davor: Er sinkt${falls ? "" : " nicht"}.`,
+    withoutTrips: (error) => `${error} ohne eigene Fahrten`,
+    errorBefore: (trips, now, before, falls) =>
+      `Die letzten ${trips}: ${now}, die ${trips} davor: ${before}. Der Fehler sinkt${falls ? "" : " nicht"}.`,
     whyWide: "Warum der Bereich breit ist und was hilft",
     withoutHeights: (trips, of) =>
       `${trips} von ${count(of, { one: "# Fahrt", other: "# Fahrten" })} ohne Höhen: Schalten Sie in der App, die aufzeichnet, die Höhe ein.`,
@@ -744,12 +745,7 @@ const de: Text = {
       `${trips} von ${count(of, { one: "# Fahrt", other: "# Fahrten" })} ohne Außentemperatur: Schalten Sie sie in der App ein, die aufzeichnet.`,
     young: (trips) =>
       `Erst ${count(trips, { one: "# Fahrt", other: "# Fahrten" })}: Mit jeder weiteren wird der Bereich schmaler, am meisten bei neuen Temperaturen.`,
-    widthOfLast: each({
-      one: "Breite ihres 90-%-Bereichs als Anteil der Energie",
-      other: "Breite ihrer 90-%-Bereiche als Anteil der Energie",
-    }),
     diary: "Tagebuch",
-    widthNeeded: "hätte gereicht",
     score: (error, inside, trips, width, needed) =>
       `Für jede Fahrt wurde die Prognose gestellt, bevor aus ihr gelernt wurde: Fehler ${error}, ${inside} von ${count(trips, { one: "# Fahrt", other: "# Fahrten" })} im 90-%-Bereich. Der Bereich war ${width} der Energie breit; ${needed} hätten für 90 % der Fahrten gereicht (Klammern im Bild).`,
     trips: "Fahrten",

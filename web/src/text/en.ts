@@ -696,7 +696,7 @@ export const en = {
     starting: "Learning …",
     learning: (done: number, total: number) => `Learning: trip ${done} of ${total}`,
     learnedNow: (trips: number, known: number) =>
-      `${count(trips, { one: "# new trip learned", other: "# new trips learned" })}; ${count(known, { one: "# log was known", other: "# logs were known" })}.`,
+      `${count(trips, { one: "# new trip learned", other: "# new trips learned" })}${known > 0 ? `; ${count(known, { one: "# log was known", other: "# logs were known" })}` : ""}.`,
     flat: (trips: number) =>
       `${count(trips, { one: "# of them has", other: "# of them have" })} no heights: switch on the altitude in the logging app for better forecasts.`,
     leftOut: (reasons: string) => `Left out: ${reasons}.`,
@@ -738,10 +738,10 @@ export const en = {
       near_22: "consumption around 22 °C",
       near_32: "consumption around 32 °C",
     },
-    byTrips: "own trips",
     errorOfLast: each({ one: "Error of the last trip", other: "Error of the last # trips" }),
-    errorBefore: (error: string, falls: boolean) =>
-      `${error} before: the error ${falls ? "falls" : "does not fall"}.`,
+    withoutTrips: (error: string) => `${error} without its own trips`,
+    errorBefore: (trips: number, now: string, before: string, falls: boolean) =>
+      `The last ${trips}: ${now}, the ${trips} before: ${before}. The error ${falls ? "falls" : "does not fall"}.`,
     whyWide: "Why the range is wide, and what helps",
     withoutHeights: (trips: number, of: number) =>
       `${trips} of ${count(of, { one: "# trip", other: "# trips" })} without heights: switch on the altitude in the app that logs.`,
@@ -749,12 +749,7 @@ export const en = {
       `${trips} of ${count(of, { one: "# trip", other: "# trips" })} without outside temperature: switch it on in the app that logs.`,
     young: (trips: number) =>
       `${count(trips, { one: "Only # trip", other: "Only # trips" })} so far: the range narrows with each one, and most at temperatures that are new.`,
-    widthOfLast: each({
-      one: "Width of its 90 % range, as a share of the energy",
-      other: "Width of their 90 % ranges, as a share of the energy",
-    }),
     diary: "Diary",
-    widthNeeded: "would have been enough",
     score: (error: string, inside: number, trips: number, width: string, needed: string) =>
       `Each trip was forecast before it was learned: error ${error}, ${inside} of ${count(trips, { one: "# trip", other: "# trips" })} inside the 90 % range. The range was ${width} of the energy wide; ${needed} would have been enough for 90 % of the trips (brackets in the picture).`,
     trips: "Trips",

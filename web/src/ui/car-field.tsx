@@ -51,7 +51,7 @@ function optionsFor(words: string): Option[] {
     take: () => chooseVehicle(row.name),
   }));
   const form = { key: "form", name: header.missing, detail: "", take: openCarDialog };
-  const open = { key: "manage", name: own.manage, detail: "", take: () => openOwnCars(car.value?.own) };
+  const open = { key: "manage", name: own.manage, detail: "", take: () => openOwnCars() };
   const manage = ownCars.value ? [open] : [];
   // beside the own cars while nothing is typed; what is typed is first a car
   return words ? [...mine, ...library, ...manage, form] : [...mine, ...manage, ...library, form];

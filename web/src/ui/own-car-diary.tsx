@@ -50,16 +50,6 @@ function Bars({ label, bars }: { label: string; bars: Bar[] }) {
   );
 }
 
-/** Without own trips, with them, and what was needed. */
-function beforeAfter(before: number | null, after: number | null, needed?: number | null): Bar[] {
-  const { ownCars: words } = text.value;
-  const bar = (name: string, share: number | null, kind: Bar["kind"]): Bar => {
-    return { name, size: share ?? 0, kind, figures: [percent(share)] };
-  };
-  const bars = [bar(words.experts.published, before, "book"), bar(words.byTrips, after, "own")];
-  return needed === undefined ? bars : [...bars, bar(words.widthNeeded, needed, "book")];
-}
-
 /** A factor of the car, and the outside temperatures at which its trips show it. */
 function Factor({
   name,
@@ -271,21 +261,23 @@ function Line({ of: { course } }: { of: Trend }) {
   );
 }
 
-/** The error of the last trips, and whether it falls. */
-function ErrorNow({ of }: { of: OwnCar }) {
+/** What the own trips gain: the error of the last ones with them and without them, and whether it falls. */
+function Gain({ of: { latest, latest_by_book: book, diary } }: { of: OwnCar }) {
   const { ownCars: words } = text.value;
-  const trend = trendOf(of.diary);
-  if (trend.latest === null) return null;
+  const trend = trendOf(diary);
+  const { trips, before, latest: now } = trend;
+  if (latest.weighted_error === null) return null;
   return (
     <div class="error-now">
       <p class="arrival">
-        <span class="label">{words.errorOfLast(trend.trips)}</span>
+        <span class="label">{words.errorOfLast(latest.trips)}</span>
         <span class="number">
-          {format.value.figure(PERCENT.from(trend.latest), 1)}
+          {format.value.figure(PERCENT.from(latest.weighted_error), 1)}
           <small>{PERCENT.unit}</small>
         </span>
-        {trend.before !== null && (
-          <span class="range">{words.errorBefore(percent(trend.before), trend.latest < trend.before)}</span>
+        <span class="range">{words.withoutTrips(percent(book.weighted_error))}</span>
+        {before !== null && now !== null && (
+          <span class="range">{words.errorBefore(trips, percent(now), percent(before), now < before)}</span>
         )}
       </p>
       {trend.course.length > 1 && <Line of={trend} />}
@@ -341,7 +333,7 @@ function Progress({ of }: { of: OwnCar }) {
 
 export function OwnCarDiary({ of }: { of: OwnCar }) {
   const { ownCars: words } = text.value;
-  const { latest, latest_by_book: book, score } = of;
+  const { score } = of;
   const reasons = Object.entries(of.left_out).map(([trip, why]) => said(`${trip}: ${why}`).text);
   return (
     <section aria-labelledby="own-car-diary">
@@ -354,19 +346,9 @@ export function OwnCarDiary({ of }: { of: OwnCar }) {
       ) : (
         <>
           <h3 id="own-car-diary">{words.learnedFrom(of.in_diary)}</h3>
-          <ErrorNow of={of} />
+          <Gain of={of} />
           <WhyWide of={of} />
           <Learned of={of} />
-          <div class="pair">
-            <Bars
-              label={words.errorOfLast(latest.trips)}
-              bars={beforeAfter(book.weighted_error, latest.weighted_error)}
-            />
-            <Bars
-              label={words.widthOfLast(latest.trips)}
-              bars={beforeAfter(book.width, latest.width, latest.needed_width)}
-            />
-          </div>
           <h3>{words.diary}</h3>
           <p class="note">
             {words.score(

@@ -105,7 +105,7 @@ function Shown({ of }: { of: OwnCar }) {
       <p class="note">{of.title}</p>
       <div class="actions start">
         <Button
-          class={isUsed || logs.value?.car === of.name ? "" : "primary"}
+          class={isUsed || of.in_diary === 0 || logs.value?.car === of.name ? "" : "primary"}
           disabled={isUsed}
           onClick={() => {
             useCar(of);
