@@ -393,7 +393,7 @@ def test_verdict_list_and_chart_speak_of_the_journey_with_its_charging_stop(page
     assert "12\u00a0min charging, 5\u00a0min plugging in" in page.locator(".whole").inner_text()
     todo = page.locator(".todo li").first.inner_text().replace("\u00a0", " ")
     assert todo.startswith("Drive ")
-    assert "to “Halbweg” and charge for 12 min, from 13 % to 45 % (about " in todo
+    assert "to “Halbweg” and charge for 12 min, from 13 % to 45 %; you are there at about " in todo
     link = page.locator(".todo a")  # for the navigation of the phone
     assert link.get_attribute("href") == "geo:47,9.05"
     stops = page.locator(".stops li")

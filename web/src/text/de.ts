@@ -135,8 +135,10 @@ const de: Text = {
     unnamedStation: "Ladestation",
     driveTo: (far) => `${far} bis „`,
     navigate: "In einer Navigations-App öffnen",
-    chargeThere: (time, arrival, leave, clock) =>
-      `“ fahren und dort ${time} laden, von ${arrival} auf ${leave} (etwa ${clock}).`,
+    forThere: (time, arrival, leave, clock, day) =>
+      `“ fahren und dort ${time} laden, von ${arrival} auf ${leave}; Ankunft dort${day && ` ${day}`} gegen ${clock}.`,
+    chargeHere: "Zuerst hier laden: an „",
+    forHere: (time, arrival, leave) => `“, ${time}, von ${arrival} auf ${leave}.`,
     turn: (place, soc, pause) => `In ${place} etwa ${soc}${pause && `, nach ${pause} Pause zurück`}.`,
     moreStops: each({ one: "# weiterer Ladestopp", other: "# weitere Ladestopps" }),
     chargingStops: "Ladestopps",

@@ -130,8 +130,10 @@ export const en = {
     unnamedStation: "Charging station",
     driveTo: (far: string) => `Drive ${far} to “`,
     navigate: "Open in a navigation app",
-    chargeThere: (time: string, arrival: string, leave: string, clock: string) =>
-      `” and charge for ${time}, from ${arrival} to ${leave} (about ${clock}).`,
+    forThere: (time: string, arrival: string, leave: string, clock: string, day: string) =>
+      `” and charge for ${time}, from ${arrival} to ${leave}; you are there${day && ` ${day}`} at about ${clock}.`,
+    chargeHere: "Charge here first, at “",
+    forHere: (time: string, arrival: string, leave: string) => `”, for ${time}, from ${arrival} to ${leave}.`,
     turn: (place: string, soc: string, pause: string) =>
       `At ${place} about ${soc}${pause && `, back after ${pause}`}.`,
     moreStops: each({ one: "# more stop", other: "# more stops" }),

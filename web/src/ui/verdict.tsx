@@ -30,7 +30,7 @@ import { NeedAnswer, needSentence, needVerdict } from "./need";
 import { Stat } from "./parts";
 import { ShareTools } from "./share";
 import { Warnings } from "./warnings";
-import { clockParts, clockText, range, rangeWithUnit, upwards } from "./wording";
+import { clockParts, range, rangeWithUnit, upwards } from "./wording";
 
 /** Chances between these are an open question. */
 const OPEN = [0.05, 0.95] as const;
@@ -46,6 +46,9 @@ const LOW_SOC = 0.2;
 
 /** Nearer places are told with a digit more [m]. */
 const NEAR_M = 10_000;
+
+/** Who charges nearer than this to the start does not drive there [m]. */
+const HERE_M = 200;
 
 /** A smaller charge is 0 % as it is shown. */
 const SHOWN_SOC = 0.005;
@@ -209,14 +212,15 @@ function StopText({ of, fromM }: { of: Stop; fromM: number }) {
   const far = shown(farM, units.value.distance, farM < NEAR_M ? 1 : 0);
   const [arrival = "", leave = ""] = [of.soc_arrival, of.soc_leave].map((soc) => shown(soc, PERCENT));
   const leaves = clock.value?.leaves ?? new Date();
-  const at = clockText(new Date(leaves.getTime() + of.arrives_after_s * 1000), leaves);
+  const at = clockParts(new Date(leaves.getTime() + of.arrives_after_s * 1000), leaves);
+  const isHere = of.position_m < HERE_M;
   return (
     <>
-      {words.driveTo(far)}
+      {isHere ? words.chargeHere : words.driveTo(far)}
       <a href={`geo:${latitude_deg},${longitude_deg}`} title={words.navigate}>
         {name || words.unnamedStation}
       </a>
-      {words.chargeThere(span(of.charging_s), arrival, leave, at)}
+      {(isHere ? words.forHere : words.forThere)(span(of.charging_s), arrival, leave, ...at)}
     </>
   );
 }
