@@ -60,6 +60,11 @@ export function decisiveChance({ pReserve, pArrive }: Answer): number {
   return pReserve ?? pArrive;
 }
 
+/** Whether the charge on arrival is that of a car which may not reach its charging stops. */
+export function isDoubtful({ charges, pArrive }: Answer): boolean {
+  return charges > 0 && verdictOf(pArrive) !== "good";
+}
+
 export function verdictOfAnswer(answer: Answer): Verdict {
   return verdictOf(decisiveChance(answer));
 }

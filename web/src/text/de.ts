@@ -279,6 +279,10 @@ const de: Text = {
     otherCar: "„Fahren“ ist nicht möglich: Die Fahrt wurde mit einem anderen Auto gemessen.",
     onArrival: "Ladestand bei Ankunft",
     measured: "gemessen",
+    onArrivalIf: each({
+      one: "Ladestand bei Ankunft, wenn Sie den Ladestopp erreichen",
+      other: "Ladestand bei Ankunft, wenn Sie die Ladestopps erreichen",
+    }),
     range: (low, high) => `${low} bis ${high}`,
     inTrips: (band) => `${band} bei 9 von 10 Fahrten`,
     emptyAfter: (distance) => `Leer nach etwa ${distance}`,
@@ -324,7 +328,8 @@ const de: Text = {
     readoutElevation: (height) => `Höhe ${height}`,
     announced: (soc, band) => `Prognose: ${soc} Ladestand bei Ankunft, ${band} bei 9 von 10 Fahrten.`,
     announcedArrival: (soc) => `Angekommen: ${soc} Ladestand bei Ankunft.`,
-    glance: (band) => `bei Ankunft, ${band}`,
+    glance: (band, isDoubtful) =>
+      `${isDoubtful ? "wenn Sie den Ladestopp erreichen" : "bei Ankunft"}, ${band}`,
     glanceReserve: (chance) => `Reserve: ${chance}`,
   },
   verdict: {

@@ -275,6 +275,10 @@ export const en = {
     otherCar: "Drive is not available: the trip was measured with another car.",
     onArrival: "Battery on arrival",
     measured: "measured",
+    onArrivalIf: each({
+      one: "Battery on arrival, if you reach the charging stop",
+      other: "Battery on arrival, if you reach the charging stops",
+    }),
     range: (low: string, high: string) => `${low} to ${high}`,
     inTrips: (band: string) => `${band} in 9 of 10 trips`,
     emptyAfter: (distance: string) => `Empty after about ${distance}`,
@@ -320,7 +324,8 @@ export const en = {
     readoutElevation: (height: string) => `elevation ${height}`,
     announced: (soc: string, band: string) => `Forecast: ${soc} on arrival, ${band} in 9 of 10 trips.`,
     announcedArrival: (soc: string) => `Arrived: ${soc} battery on arrival.`,
-    glance: (band: string) => `on arrival, ${band}`,
+    glance: (band: string, isDoubtful: boolean) =>
+      `${isDoubtful ? "if you reach the charging stop" : "on arrival"}, ${band}`,
     glanceReserve: (chance: string) => `reserve: ${chance}`,
   },
   verdict: {

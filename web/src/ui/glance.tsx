@@ -1,5 +1,5 @@
 import { useEffect, useState } from "preact/hooks";
-import { decisiveChance } from "../model/answer";
+import { decisiveChance, isDoubtful } from "../model/answer";
 import { emptyAfterM } from "../model/arrival";
 import { PERCENT } from "../model/units";
 import { answer, chargingPlan, isLate, isLookingForStops } from "../state/answer";
@@ -30,7 +30,7 @@ export function Glance() {
       <strong>{shown(emptyM === null ? now.soc : 0, PERCENT)}</strong>
       <span>
         {emptyM === null
-          ? result.glance(rangeWithUnit(now.interval, PERCENT))
+          ? result.glance(rangeWithUnit(now.interval, PERCENT), isDoubtful(now))
           : result.emptyAfter(shown(emptyM, units.value.distance, 0))}
       </span>
       <span>{result.glanceReserve(chanceInFigures(decisiveChance(now)))}</span>

@@ -2,7 +2,7 @@
 
 import { computed } from "@preact/signals";
 import type { Forecast, Stop } from "../api/documents";
-import { type Answer, BELOW, decisiveChance, verdictOfAnswer } from "../model/answer";
+import { type Answer, BELOW, decisiveChance, isDoubtful, verdictOfAnswer } from "../model/answer";
 import { emptyAfterM, socFromEnergy, type Verdict } from "../model/arrival";
 import { warningsOf } from "../model/flags";
 import { ENERGY, PERCENT } from "../model/units";
@@ -158,11 +158,12 @@ function Headline({ of, now }: { of: Forecast; now: Answer }) {
   const { result } = text.value;
   const { figure } = format.value;
   const { reserve } = requested.value.at;
+  const label = isDoubtful(now) ? result.onArrivalIf(now.charges) : result.onArrival;
   const detail = measured ? result.measured : result.inTrips(rangeWithUnit(now.interval, PERCENT));
   return (
     <div class="headline">
       <p class="arrival">
-        <span class="label">{result.onArrival}</span>
+        <span class="label">{label}</span>
         <span class="number">
           {figure(emptyM === null ? PERCENT.from(now.soc) : 0, 0)}
           <small>{PERCENT.unit}</small>
