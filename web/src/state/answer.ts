@@ -5,6 +5,7 @@ import type { ChargingPlan, Course } from "../api/documents";
 import { type Answer, answerOf, answerWithStops, decisiveChance } from "../model/answer";
 import { verdictOf } from "../model/arrival";
 import { interpolate } from "../model/interpolate";
+import { isSame } from "../model/stations";
 import { conditions } from "./conditions";
 import { driving, shownForecast } from "./drive";
 import { forecastIsOld, mode, problem, requested } from "./forecast";
@@ -73,14 +74,16 @@ export const course = computed((): Course | null => {
   );
 });
 
-/** Where a journey there and back turns, and the charge there. */
+/** Where a journey that ends at its start turns, and the charge there. */
 export const turn = computed(() => {
   const { stops, pauseS = null } = trip.value ?? {};
-  const at = pauseS !== null ? journey.value?.roads[chosenRoad.value]?.stops.at(-1) : undefined;
+  const [first, last] = [stops?.[0], stops?.at(-1)];
+  const isLoop = pauseS === null && first && last && isSame(first, last);
+  const at = pauseS !== null || isLoop ? journey.value?.roads[chosenRoad.value]?.stops.at(-1) : undefined;
   if (!at || !course.value) return null;
   const { position_m, displayed_soc } = course.value;
   const soc = interpolate(at.position_m, position_m, displayed_soc);
-  return { name: stops?.at(-1)?.name ?? "", positionM: at.position_m, soc, pauseS };
+  return { name: stops?.at(isLoop ? -2 : -1)?.name ?? "", positionM: at.position_m, soc, pauseS };
 });
 
 /** Clock times of departure and arrival; without a chosen time, of a departure now. */

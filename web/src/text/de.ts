@@ -123,6 +123,7 @@ const de: Text = {
       `Mit ${soc} oder mehr losfahren: Ankunft mit etwa ${expected}, bei 19 von 20 Fahrten mindestens ${reserve}.`,
     wouldDo: (soc, expected, reserve) =>
       `Auch ${soc} bei Abfahrt reichen: Ankunft mit etwa ${expected}, bei 19 von 20 Fahrten mindestens ${reserve}.`,
+    justEnough: (soc) => `${soc} reichen gerade: Fahren Sie nicht mit weniger los.`,
     leaveWithout: (soc) => `Oder mit ${soc} losfahren und ohne Ladestopp ankommen.`,
     notEnough: "Auch eine volle Batterie reicht nicht: Laden Sie unterwegs.",
     anyCharge: (reserve) => `Jeder Ladestand reicht: bei 19 von 20 Fahrten bleiben mindestens ${reserve}.`,

@@ -118,6 +118,7 @@ export const en = {
       `Leave with ${soc} or more: about ${expected} on arrival, at least ${reserve} in 19 of 20 trips.`,
     wouldDo: (soc: string, expected: string, reserve: string) =>
       `Leaving with ${soc} would also do: about ${expected} on arrival, at least ${reserve} in 19 of 20 trips.`,
+    justEnough: (soc: string) => `${soc} is just enough: do not leave with less.`,
     leaveWithout: (soc: string) => `Or leave with ${soc} and drive without a stop.`,
     notEnough: "Even a full battery is not enough: charge on the way.",
     anyCharge: (reserve: string) => `Any charge is enough to arrive with ${reserve} in 19 of 20 trips.`,

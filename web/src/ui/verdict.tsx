@@ -194,6 +194,7 @@ function leaveText(needed: number, of: Forecast): string {
   if (needed > 1) return words.notEnough;
   if (needed <= 0) return words.anyCharge(left);
   if (isStuck.value) return words.chargeFirst(upwards(needed));
+  if (upwards(needed) === upwards(now)) return words.justEnough(upwards(needed));
   const expected = shown(Math.max(needed - now + socFromEnergy(of, of.energy_wh), 0), PERCENT);
   return (now < needed ? words.leaveWith : words.wouldDo)(upwards(needed), expected, left);
 }
@@ -265,7 +266,6 @@ function ToDo({ of }: { of: Forecast }) {
   const back = turn.value;
   const { shown, span } = format.value;
   const texts = [
-    back && words.turn(back.name, shown(back.soc, PERCENT), back.pauseS ? span(back.pauseS) : ""),
     leaves && !(isStuck.value && needed > 1) && leaveText(needed, of),
     isStuck.value && (map.value?.stations === 0 ? words.noStations : words.noStopHelps),
     isStuck.value && isLow && words.callHelp,
@@ -274,6 +274,7 @@ function ToDo({ of }: { of: Forecast }) {
       speed !== null &&
       speed > 0 &&
       (plan ? words.atMostWithout : words.atMost)(format.value.shown(speed, units.value.speed, 0)),
+    back && words.turn(back.name, shown(back.soc, PERCENT), back.pauseS ? span(back.pauseS) : ""),
   ];
   return (
     <ul class={`journey-answer todo${isOld ? " old" : ""}`} aria-busy={isOld}>
