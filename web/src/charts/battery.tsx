@@ -84,7 +84,7 @@ const span = computed<[number, number]>(() => {
   const known = values.filter((value): value is number => value !== null);
   const reserve = PERCENT.from(conditions.value.reserve);
   let low = Math.min(...known);
-  const high = Math.min(Math.ceil((Math.max(...known) + 1) / STEP) * STEP, 100);
+  const high = Math.min(Math.ceil((Math.max(...known, reserve + 1) + 1) / STEP) * STEP, 100);
   if (low - reserve < NEAR) low = Math.min(low, reserve - 2);
   low = Math.max(Math.floor((low - 1) / STEP) * STEP, LOWEST);
   return [Math.min(low, high - MIN_SPAN), high];

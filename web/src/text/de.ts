@@ -359,6 +359,7 @@ const de: Text = {
     arrivesAt: "Ankunft",
     leavingNow: "bei Abfahrt jetzt",
     duration: "Gesamtzeit",
+    drivingAlone: "Reine Fahrzeit",
     ofItCharging: (time, overhead) => `${time} laden, ${overhead} anstecken`,
     sure: "Wie sicher ist das?",
     reasons: each({ one: "# Hinweis", other: "# Hinweise" }),

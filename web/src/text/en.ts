@@ -356,6 +356,7 @@ export const en = {
     arrivesAt: "Arrival",
     leavingNow: "leaving now",
     duration: "Total time",
+    drivingAlone: "Driving alone",
     ofItCharging: (time: string, more: string) => `${time} charging, ${more} plugging in`,
     sure: "How sure is this?",
     reasons: each({ one: "# note", other: "# notes" }),

@@ -123,7 +123,7 @@ function Whole({ now, isEmpty }: { now: Answer; isEmpty: boolean }) {
           {at.isNow && <small>{words.leavingNow}</small>}
         </Stat>
       )}
-      <Stat label={words.duration}>
+      <Stat label={isLookingForStops.value ? words.drivingAlone : words.duration}>
         {duration(now.drivingS + now.chargingS)}
         <small>
           {now.chargingS > 0 ? words.ofItCharging(duration(pluggedS), duration(now.overheadS)) : km}
