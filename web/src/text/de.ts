@@ -279,11 +279,11 @@ const de: Text = {
     notMeasured: "„Fahren“ benötigt eine Fahrt mit Messwerten.",
     otherCar: "„Fahren“ ist nicht möglich: Die Fahrt wurde mit einem anderen Auto gemessen.",
     onArrival: "Ladestand bei Ankunft",
-    measured: "gemessen",
     onArrivalIf: each({
       one: "Ladestand bei Ankunft, wenn Sie den Ladestopp erreichen",
       other: "Ladestand bei Ankunft, wenn Sie die Ladestopps erreichen",
     }),
+    measured: "gemessen",
     range: (low, high) => `${low} bis ${high}`,
     inTrips: (band) => `${band} bei 9 von 10 Fahrten`,
     emptyAfter: (distance) => `Leer nach etwa ${distance}`,

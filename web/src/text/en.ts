@@ -275,11 +275,11 @@ export const en = {
     notMeasured: "Drive needs a measured trip.",
     otherCar: "Drive is not available: the trip was measured with another car.",
     onArrival: "Battery on arrival",
-    measured: "measured",
     onArrivalIf: each({
       one: "Battery on arrival, if you reach the charging stop",
       other: "Battery on arrival, if you reach the charging stops",
     }),
+    measured: "measured",
     range: (low: string, high: string) => `${low} to ${high}`,
     inTrips: (band: string) => `${band} in 9 of 10 trips`,
     emptyAfter: (distance: string) => `Empty after about ${distance}`,

@@ -1,6 +1,7 @@
 /** What to do about the trip: the least that makes it arrive, then what each action saves. */
 
 import type { Advised, AdvisedAction, SpeedCap, Whole } from "../api/documents";
+import { verdictOf } from "../model/arrival";
 import { ENERGY, PERCENT, POWER } from "../model/units";
 import { advice, adviceIsOld } from "../state/advice";
 import { source } from "../state/catalogue";
@@ -63,8 +64,8 @@ function longer({ difference: { duration_s } }: Advised): string {
   return duration_s >= MIN_SHOWN_S ? text.value.journey.longer(span(duration_s)) : text.value.advice.noTime;
 }
 
-/** The journey with its charging stops, beside that without the action. */
-function wholeText({ duration_s, charges }: Whole, now: Whole): string {
+/** The journey with its charging stops, beside that without the action; with its chance where that is in doubt. */
+function wholeText({ duration_s, charges, p_reserve }: Whole, now: Whole): string {
   const { advice: words } = text.value;
   const { duration } = format.value;
   const more = duration_s - now.duration_s;
@@ -72,7 +73,9 @@ function wholeText({ duration_s, charges }: Whole, now: Whole): string {
   const change = isSame
     ? words.asLong
     : text.value.journey[more < 0 ? "less" : "more"](duration(Math.abs(more)));
-  return words.whole(duration(duration_s), charges, change);
+  const whole = words.whole(duration(duration_s), charges, change);
+  if (verdictOf(p_reserve) === "good") return whole;
+  return `${whole} · ${text.value.journey.reached(chanceInFigures(p_reserve))}`;
 }
 
 function Saving({ of, now }: { of: Advised; now: Whole | null }) {

@@ -38,7 +38,7 @@ _SEATS_FROM_K: Final = 8.0
 """Heated seats are advised only if the outside air is more than this below the set-point: a choice, because a smaller difference
 saves little."""
 MILD_DEGC: Final = (8.0, 30.0)
-"""Outside temperatures at which a car can be driven without climate control: below, windows mist; above, drivers tire. A choice."""
+"""Outside temperatures at which a car with enough charge is driven without climate control: below, windows mist; above, drivers tire."""
 _LUGGAGE_KG: Final = 50.0
 """Luggage that is advised to be left at home: a choice, because less saves nothing that a driver would see."""
 ALONE: Final = ("road", "departure")
@@ -138,8 +138,7 @@ def cap_speed(plan: Plan, speed_m_s: float, after_s: float = -np.inf) -> Plan:
     (True, 1.0)
     """
     speed, time = plan.array("speed_m_s"), plan.array("time_s")
-    is_ahead = time - time[0] > after_s
-    return _with_speeds(plan, np.where(is_ahead, np.minimum(speed, speed_m_s), speed))
+    return _with_speeds(plan, np.where(time - time[0] > after_s, np.minimum(speed, speed_m_s), speed))
 
 
 def limit_acceleration(plan: Plan, acceleration_m_s2: float) -> Plan:
@@ -178,11 +177,15 @@ def _with_speeds(plan: Plan, speed_m_s: FloatArray) -> Plan:
     return replace(plan, samples=samples, step_s=step_s)
 
 
-def actions(forecast: Forecast) -> Iterator[Action]:
-    """Yield all actions that are possible for a trip, whether they help or not; in each group, the mildest comes first."""
+def actions(forecast: Forecast, is_short: bool = False) -> Iterator[Action]:
+    """Yield all actions that are possible for a trip, whether they help or not; in each group, the mildest comes first.
+
+    If the charge is short, driving without climate control is possible in any weather, and the strongest action on it comes first.
+    """
     plan, vehicle = forecast.plan, forecast.vehicle
     yield from _driving_actions(plan)
-    yield from _climate_actions(vehicle, plan)
+    climate = [*_climate_actions(vehicle, plan, is_short)]
+    yield from reversed(climate) if is_short else climate
     yield from _plug_actions(vehicle, plan)
     yield from _load_actions(plan.departure)
 
@@ -200,8 +203,8 @@ def _driving_actions(plan: Plan) -> Iterator[Action]:
     yield Action("calmer", "driving", "little", {}, acceleration_m_s2=GENTLE_M_S2)
 
 
-def _climate_actions(vehicle: Vehicle, plan: Plan) -> Iterator[Action]:
-    """Yield a set-point nearer to the outside air, heated seats and no climate control, as far as the weather allows."""
+def _climate_actions(vehicle: Vehicle, plan: Plan, is_short: bool) -> Iterator[Action]:
+    """Yield a set-point nearer to the outside air, heated seats and no climate control, the last one if it is mild or the charge is short."""
     departure = plan.departure
     if vehicle.climate is None or departure.climate == "off":
         return
@@ -215,15 +218,14 @@ def _climate_actions(vehicle: Vehicle, plan: Plan) -> Iterator[Action]:
     if cold and setpoint - outside > _SEATS_FROM_K and "heated_seats" not in (departure.extras or ()):
         seats = {"cabin_setpoint_degc": _SEATS_SETPOINT_DEGC}
         yield Action("seats", "climate", "some", seats, fitted="heated_seats")
-    if MILD_DEGC[0] <= outside <= MILD_DEGC[1]:
+    if is_short or MILD_DEGC[0] <= outside <= MILD_DEGC[1]:
         yield Action("climate_off", "climate", "much", {"climate": "off"})
 
 
 def _plug_actions(vehicle: Vehicle, plan: Plan) -> Iterator[Action]:
     """Yield the preheating of the cabin on the plug: what pays on any day, then what pays if charge is scarce."""
     for worth in (WORTH, SCARCE):
-        heat = preheating(vehicle, plan, worth=worth)
-        if heat is not None:
+        if heat := preheating(vehicle, plan, worth=worth):
             action = Action("preheat_cabin", "cabin", "little", heat.changed, heat.cabin_degc)
             yield replace(action, wall_wh=heat.wall_wh, before_s=heat.before_s)
 
