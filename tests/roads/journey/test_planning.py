@@ -46,7 +46,7 @@ def test_the_needed_charge_of_a_forecast_follows_its_quantile(model):
 
 
 def test_roads_are_labelled_and_the_fastest_is_first(model):
-    found = journey(model, alternatives=1, answers=False)
+    found = journey(model, stops=(A, Place(47.0, 9.2)), alternatives=1, answers=False)
     assert [road.labels for road in found.roads] == [("fastest",), ("shortest", "least energy")]
     assert found.roads[0].road.duration_s < found.roads[1].road.duration_s
     assert found.forecast is found.roads[0].forecast

@@ -315,12 +315,14 @@ def test_the_first_road_has_the_fewest_stops_of_those_as_fast_and_is_never_domin
 def test_only_the_first_road_is_called_the_fastest_like_its_plan(model, monkeypatch):
     """Also where another road is faster by less than the time of plugging in."""
     found = journey(model, replace(COLD, soc=0.8), alternatives=1)
-    for seconds in ((3600.0, 3400.0), (3600.0, 3800.0)):
-        wholes = [SimpleNamespace(duration_s=s, energy_wh=s, p_reserve=0.96) for s in seconds]
+    for seconds, p in (((3600.0, 3400.0), 0.96), ((3600.0, 3800.0), 0.96), ((3600.0, 3400.0), 0.4)):
+        wholes = [SimpleNamespace(duration_s=s, energy_wh=s, p_reserve=p) for s in seconds]
         by_road = dict(zip((id(road.road) for road in found.roads), wholes, strict=True))
         monkeypatch.setattr(RoadForecast, "whole", lambda self, reserve, by=by_road: by[id(self.road)])
         first, other = planning._label_roads([*found.roads], 0.1)
         assert ("fastest" in first.labels, "fastest" in other.labels) == (True, False)
+        least = ["least energy" in road.labels for road in (first, other)]  # no merit of a road that fails
+        assert least == [p > 0.5 and s == min(seconds) for s in seconds]
 
 
 def test_a_slower_road_without_a_stop_is_first_if_it_is_faster_in_all(model):

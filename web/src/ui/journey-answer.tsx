@@ -19,18 +19,12 @@ const MIN_SHOWN_WH = 10;
 /** So few of a hundred trips are none. */
 const DOES_NOT = 5;
 
-/** What is no merit of a road that does not arrive. */
-// eslint-disable-next-line page/text -- a label of the service
-const MERIT = "least energy";
-
 /** What a road is, such as "fastest"; a number where the service gives no label. */
 export function labelOf({ roads }: Journey, index: number): string {
   const { journey: words } = text.value;
   const names: Record<string, string> = words.labels;
-  const { labels: given = [], whole } = roads[index] ?? {};
-  const isBad = whole && verdictOf(whole.p_reserve) === "bad";
-  const labels = given.filter((label) => !isBad || label !== MERIT).map((label) => names[label] ?? label);
-  return labels.join(", ") || words.road(index + 1);
+  const labels = roads[index]?.labels ?? [];
+  return labels.map((label) => names[label] ?? label).join(", ") || words.road(index + 1);
 }
 
 /** Time and energy, or how they differ from those of the first one. */

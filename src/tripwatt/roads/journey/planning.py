@@ -647,13 +647,15 @@ def _charging_flags(corridor: Corridor | None, plans: tuple[ChargingPlan, ...]) 
 
 
 def _label_roads(roads: list[RoadForecast], reserve: float) -> tuple[RoadForecast, ...]:
-    """Label the first road as the fastest, as `_order` means it, the shortest, and the one with the least energy of those as sure as the first."""
+    """Label the first road as the fastest, as `_order` means it, and the shortest; the one with the least energy of those as sure as the first,
+    if it arrives rather than not.
+    """
     wholes = [road.whole(reserve) for road in roads]
-    sure = [k for k, plan in enumerate(wholes) if plan.p_reserve >= min(wholes[0].p_reserve, CERTAIN)]
+    sure = [k for k, one in enumerate(wholes) if one.p_reserve >= max(0.5, min(CERTAIN, wholes[0].p_reserve))]
     index_by_label = {
         "fastest": 0,
         "shortest": int(np.argmin([road.road.distance_m for road in roads])),
-        "least energy": min(sure, key=lambda k: wholes[k].energy_wh),
+        "least energy": min(sure, key=lambda k: wholes[k].energy_wh, default=None),
     }
     return tuple(
         replace(road, labels=tuple(label for label, index in index_by_label.items() if index == k))
