@@ -647,9 +647,7 @@ def _charging_flags(corridor: Corridor | None, plans: tuple[ChargingPlan, ...]) 
 
 
 def _label_roads(roads: list[RoadForecast], reserve: float) -> tuple[RoadForecast, ...]:
-    """Label the first road as the fastest, as `_order` means it, and the shortest; the one with the least energy of those as sure as the first,
-    if it arrives rather than not.
-    """
+    """Label the first road as the fastest, as `_order` means it, the shortest, and of those as sure as the first the one with the least energy."""
     wholes = [road.whole(reserve) for road in roads]
     sure = [k for k, one in enumerate(wholes) if one.p_reserve >= max(0.5, min(CERTAIN, wholes[0].p_reserve))]
     index_by_label = {
