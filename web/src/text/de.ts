@@ -176,6 +176,17 @@ const de: Text = {
     usual: "üblich",
     high: "hoher Verbrauch",
   },
+  position: {
+    fromHere: "Von hier",
+    here: "Ihr Standort",
+    lacks: {
+      denied:
+        "Der Browser darf Ihren Standort nicht nennen. Erlauben Sie es ihm, oder geben Sie einen Ort ein.",
+      notFound:
+        "Ihr Standort wurde nicht gefunden. Versuchen Sie es im Freien, oder geben Sie einen Ort ein.",
+      outside: "Sie sind nicht im Gebiet dieser Karte. Geben Sie einen Ort auf ihr ein.",
+    },
+  },
   map: {
     title: "Karte",
     label: "Karte. Verwenden Sie mit der Tastatur die Felder Von und Nach.",

@@ -172,6 +172,15 @@ export const en = {
     usual: "usual",
     high: "high consumption",
   },
+  position: {
+    fromHere: "From here",
+    here: "Your position",
+    lacks: {
+      denied: "The browser may not tell where you are. Allow it for this page, or type a place.",
+      notFound: "Your position was not found. Try again outdoors, or type a place.",
+      outside: "You are outside this map. Type a place on it.",
+    },
+  },
   map: {
     title: "Map",
     label: "Map. With the keyboard, use the fields From and To.",

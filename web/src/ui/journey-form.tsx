@@ -1,5 +1,5 @@
 import { batch, signal } from "@preact/signals";
-import { useId, useMemo } from "preact/hooks";
+import { useId, useMemo, useState } from "preact/hooks";
 import { findPlaces } from "../api/client";
 import type { Place } from "../api/documents";
 import { Latest } from "../api/latest";
@@ -8,6 +8,7 @@ import { type End, type Field, readCoordinates } from "../model/road";
 import { HOURS } from "../model/units";
 import { chooseJourney } from "../state/catalogue";
 import { faults, forgetStop, MOST_STOPS, reportProblem, stopField } from "../state/forecast";
+import { canLocate, lacksPosition, startHere } from "../state/here";
 import {
   fieldsOfJourney,
   isExample,
@@ -128,7 +129,11 @@ function PlaceField({ label, end, onRemove }: { label: string; end: Field; onRem
   const id = useId();
   const search = useMemo(() => searchFor(end), [end]);
   const chosen = placeOf(end);
-  const options = (suggested.value[end] ?? []).map((place) => optionOf(end, place));
+  const [isOpened, setOpened] = useState(false);
+  const found = (suggested.value[end] ?? []).map((place) => optionOf(end, place));
+  const { fromHere, lacks: reasons, here } = text.value.position;
+  const device = { key: "here", name: fromHere, detail: "", take: () => startHere(here) };
+  const options = isOpened && found.length === 0 ? [device] : found;
   const lacks = unknown.value[end] ?? "";
   const wrong = faults.value.get(stopField(fieldsOfJourney().indexOf(end))) ?? [];
   const { journey: words } = text.value;
@@ -145,11 +150,14 @@ function PlaceField({ label, end, onRemove }: { label: string; end: Field; onRem
         isWrong={lacks !== "" || wrong.length > 0}
         options={options}
         onType={(now) => {
+          setOpened(false);
+          lacksPosition.value = null;
           write(end, now);
           if (placeOf(end)) setPlace(end, null);
           if (isEnd(end)) nextEnd.value = end;
           search.submit(now);
         }}
+        {...(end === "from" && canLocate && { onOpen: () => setOpened(true) })}
         onFocus={(input) => {
           // what is typed replaces the place that is there
           if (chosen) input.select();
@@ -158,9 +166,11 @@ function PlaceField({ label, end, onRemove }: { label: string; end: Field; onRem
         onClose={() => {
           search.cancel(); // what arrives late would open the list of a field that was left
           suggest(end, []);
+          setOpened(false);
         }}
       />
       <p class="faults" role="status">
+        {end === "from" && lacksPosition.value && reasons[lacksPosition.value]}
         {lacks && words.unknown(lacks)}
         {lacks && (options.length > 0 ? ` ${words.choose}` : <Covers />)}
         {!lacks && chosen?.kind && <span class="kind">{kindOf(chosen)}</span>}
