@@ -427,6 +427,68 @@ def test_verdict_list_and_chart_speak_of_the_journey_with_its_charging_stop(page
     page.unroute("**/v1/journeys")
 
 
+def test_who_charges_at_the_start_drives_nowhere_first_and_a_doubtful_charge_is_named_so(page: Any) -> None:
+    def beside_the_start(route: Any) -> None:
+        answer = route.fetch().json()
+        if route.request.post_data_json.get("answers") is not False:
+            whole = charging(answer, "best effort", 0.45, 12.0)
+            whole["stops"] = [whole["stops"][0] | {"position_m": 150.0}]
+            answer["charging"] = whole | {"p_arrive": 0.81, "p_reserve": 0.81}
+        route.fulfill(json=answer)
+
+    page.route("**/v1/journeys", beside_the_start)
+    whole_answer(page, lambda: page.get_by_role("slider", name="Battery at departure").fill("11"))
+    todo = page.locator(".todo:not(.old) li", has_text="Halbweg")
+    todo.wait_for()
+    told = todo.inner_text().replace("\u00a0", " ")
+    assert told == "Charge here first, at “Halbweg”, for 12 min, from 13 % to 45 %."
+    label = page.locator(".verdict .arrival .label").inner_text()
+    assert label == "Battery on arrival, if you reach the charging stop"
+    page.unroute("**/v1/journeys")
+
+
+def test_who_has_just_what_is_needed_is_told_so(page: Any) -> None:
+    def just_enough(route: Any) -> None:
+        answer = route.fetch().json()
+        answer["soc_needed"] = answer["roads"][0]["forecast"]["series"]["displayed_soc"][0]
+        route.fulfill(json=answer)
+
+    page.route("**/v1/journeys", just_enough)
+    whole_answer(page, lambda: page.get_by_role("slider", name="Battery at departure").fill("83"))
+    page.get_by_text("83\u00a0% is just enough: do not leave with less.").wait_for()
+    page.unroute("**/v1/journeys")
+
+
+def test_a_journey_starts_where_the_device_is(browser: Any, planner: Service) -> None:
+    """Asked on a tap only; who cannot be found is told why."""
+    context = context_of(browser, "phone", "light", "en-IE")
+    page = context.new_page()
+    answer = page.goto(planner.url)
+    assert "geolocation=(self)" in answer.headers["permissions-policy"]
+    page.locator(".todo:not(.old)").wait_for()
+    page.get_by_role("button", name="Change", exact=True).first.click()
+    field = page.get_by_label("From", exact=True).first
+
+    def tap() -> None:
+        field.click()
+        page.get_by_role("option", name="From here").click()
+
+    tap()
+    page.get_by_text("The browser may not tell where you are.").wait_for()
+    context.grant_permissions(["geolocation"])
+    context.set_geolocation({"latitude": 52.0, "longitude": 13.0})
+    tap()
+    page.get_by_text("You are outside this map.").wait_for()
+    context.set_geolocation({"latitude": 47.001, "longitude": 9.01})
+    tap()
+    page.wait_for_function("e => e.value === 'Your position'", arg=field.element_handle())
+    assert page.locator(".place-from .faults").inner_text() == ""
+    found = whole_answer(page, page.get_by_role("button", name="Plan", exact=True).click)
+    start = found.request.post_data_json["stops"][0]
+    assert (start["latitude_deg"], start["longitude_deg"]) == pytest.approx((47.001, 9.01))
+    context.close()
+
+
 def test_two_journeys_are_compared_with_their_charging_stops(page: Any) -> None:
     def with_stops(route: Any) -> None:
         answer = route.fetch().json()
