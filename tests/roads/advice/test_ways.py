@@ -214,3 +214,18 @@ def test_heated_seats_are_part_of_the_energy_and_of_the_charge(model: tw.Forecas
     assert taken == pytest.approx(100.0 * hours, rel=0.01)
     assert one.difference.energy_wh == pytest.approx(one.forecast.energy_wh - base.energy_wh)
     assert one.soc_arrival - base.soc_arrival == pytest.approx(one.difference.soc_arrival)
+
+
+def test_who_reaches_no_station_is_told_with_which_action_one_is_reached(model: tw.ForecastModel) -> None:
+    """Charges with which no station is reached as planned, and one is with an action."""
+    atlas = replace(MADE, stations=row(60))
+    helped = []
+    for soc in (0.04, 0.06, 0.07):
+        found = journey(model, replace(COLD, soc=soc, ambient_temperature_degc=-5.0), (A, FAR), atlas)
+        singly = tw.advise(found).singly if found.charging is None else ()
+        helped += [one for one in singly if one.whole is not None and one.whole.stops]
+    assert {one.actions[0].code for one in helped} >= {"slower", "climate_off"}
+    for one in helped:
+        assert one.whole is not None
+        assert one.p_arrive == one.whole.p_reserve >= 0.05
+        assert one.whole.p_arrive >= 0.5

@@ -130,6 +130,8 @@ const de: Text = {
     chargeFirst: (soc) => `So nicht losfahren: Laden Sie zuerst auf ${soc} oder mehr.`,
     noStations: "Diese Karte hat keine Ladestationen.",
     noStopHelps: "Es wurde kein Ladestopp gefunden, mit dem Sie ankommen.",
+    best: (action, chance) =>
+      `${action}: Dann kommen ${chance} an, mit Ladestopps. Stellen Sie es bei den Bedingungen ein, um zu sehen, wo.`,
     callHelp: "Wenn Sie hier nicht laden können, rufen Sie Hilfe.",
     atMost: (speed) => `Auf der Autobahn höchstens ${speed} fahren, um mit der Reserve anzukommen.`,
     atMostWithout: (speed) => `Oder auf der Autobahn höchstens ${speed} und ohne Ladestopp fahren.`,

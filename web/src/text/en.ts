@@ -125,6 +125,8 @@ export const en = {
     chargeFirst: (soc: string) => `Do not set out like this: charge to ${soc} or more first.`,
     noStations: "This map has no charging stations.",
     noStopHelps: "No charging stop was found with which you arrive.",
+    best: (action: string, chance: string) =>
+      `${action}: then ${chance} arrive, with charging stops. Set it in the conditions to see where.`,
     callHelp: "If you cannot charge here, call for help.",
     atMost: (speed: string) => `Drive no faster than ${speed} on motorways to arrive with the reserve.`,
     atMostWithout: (speed: string) => `Or drive at most ${speed} on the motorway, without a charging stop.`,

@@ -52,7 +52,7 @@ function actionText({ code, value, before_s }: AdvisedAction): string {
   }
 }
 
-function togetherText({ actions }: Advised): string {
+export function togetherText({ actions }: Advised): string {
   const [first = "", ...more] = actions.map(actionText);
   return [first, ...more.map((words) => words.charAt(0).toLowerCase() + words.slice(1))].join(
     text.value.advice.and,
@@ -128,7 +128,7 @@ function Speeds({ of }: { of: SpeedCap[] }) {
 
 export function AdviceCard() {
   const found = advice.value;
-  if (!found || source.value === "distance" || found.singly.length === 0) return null;
+  if (!found || source.value === "distance" || found.singly.length + found.speeds.length === 0) return null;
   const { advice: words } = text.value;
   const { shown } = format.value;
   const wanted = shown(found.probability, PERCENT);

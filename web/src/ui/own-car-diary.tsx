@@ -18,38 +18,6 @@ function percent(share: number | null, digits = 1): string {
   return share === null ? "–" : `${format.value.figure(PERCENT.from(share), digits)}\u00a0%`;
 }
 
-interface Bar {
-  name: string;
-  size: number;
-  kind: "own" | "book";
-  figures: string[];
-}
-
-/** Bars one above the other, with their figures. */
-function Bars({ label, bars }: { label: string; bars: Bar[] }) {
-  const largest = Math.max(...bars.map(({ size }) => size)) || 1;
-  return (
-    <table class="before-after">
-      <caption>{label}</caption>
-      <tbody>
-        {bars.map(({ name, size, kind, figures }) => (
-          <tr key={name}>
-            <th scope="row">{name}</th>
-            <td class="picture" aria-hidden="true">
-              <span class={kind} style={{ width: `${(100 * size) / largest}%` }} />
-            </td>
-            {figures.map((figure, column) => (
-              <td key={column} class="value">
-                {figure}
-              </td>
-            ))}
-          </tr>
-        ))}
-      </tbody>
-    </table>
-  );
-}
-
 /** A factor of the car, and the outside temperatures at which its trips show it. */
 function Factor({
   name,
@@ -242,12 +210,24 @@ function Causes({ of }: { of: OwnCar }) {
   };
   const total = rows.reduce((sum, [, wh]) => sum + wh, 0);
   if (total <= 0) return null;
-  const bars = rows.map(([name, wh]): Bar => {
-    const shown = magnitude(name, wh);
-    const figures = [figure(ENERGY.from(shown), 1), percent(shown / total, 0)];
-    return { name: names[name] ?? name, size: Math.abs(wh), kind: wh < 0 ? "book" : "own", figures };
-  });
-  return <Bars label={words.whereEnergyWent} bars={bars} />;
+  const largest = Math.max(...rows.map(([, wh]) => Math.abs(wh)));
+  return (
+    <table class="by-cause">
+      <caption>{words.whereEnergyWent}</caption>
+      <tbody>
+        {rows.map(([name, wh]) => (
+          <tr key={name}>
+            <th scope="row">{names[name] ?? name}</th>
+            <td class="picture" aria-hidden="true">
+              <span class={wh < 0 ? "less" : ""} style={{ width: `${(100 * Math.abs(wh)) / largest}%` }} />
+            </td>
+            <td class="value">{figure(ENERGY.from(magnitude(name, wh)), 1)}</td>
+            <td class="value">{percent(magnitude(name, wh) / total, 0)}</td>
+          </tr>
+        ))}
+      </tbody>
+    </table>
+  );
 }
 
 /** Errors as a line, from none at the bottom. */

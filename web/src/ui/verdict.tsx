@@ -17,11 +17,13 @@ import {
   isOfOtherPlaces,
   turn,
 } from "../state/answer";
+import { advice } from "../state/advice";
 import { arrived, driving, shownForecast } from "../state/drive";
 import { alternative, leaving, leavingIsOld, mode, problem, requested } from "../state/forecast";
 import { answersAreOld, chargingPlans, chosenRoad, journey, map } from "../state/journey";
 import { format, text, units } from "../state/preferences";
 import { trip } from "../state/trip";
+import { togetherText } from "./advice";
 import { Chance } from "./chance";
 import { Climb } from "./climb";
 import { CompareLine } from "./compare";
@@ -30,7 +32,7 @@ import { NeedAnswer, needSentence, needVerdict } from "./need";
 import { Stat } from "./parts";
 import { ShareTools } from "./share";
 import { Warnings } from "./warnings";
-import { clockParts, range, rangeWithUnit, upwards } from "./wording";
+import { chanceInFigures, clockParts, range, rangeWithUnit, upwards } from "./wording";
 
 /** Chances between these are an open question. */
 const OPEN = [0.05, 0.95] as const;
@@ -265,9 +267,12 @@ function ToDo({ of }: { of: Forecast }) {
   const leaves = needed !== undefined && (!plan || (needed <= 1 && !isLow));
   const back = turn.value;
   const { shown, span } = format.value;
+  const helps = advice.value?.singly.filter(({ whole }) => isStuck.value && whole && whole.charges > 0) ?? [];
+  const [best] = helps.sort((one, other) => other.p_arrive - one.p_arrive);
   const texts = [
     leaves && !(isStuck.value && needed > 1) && leaveText(needed, of),
     isStuck.value && (map.value?.stations === 0 ? words.noStations : words.noStopHelps),
+    best?.whole && words.best(togetherText(best), chanceInFigures(best.whole.p_reserve)),
     isStuck.value && isLow && words.callHelp,
     needed !== undefined &&
       isJourney &&

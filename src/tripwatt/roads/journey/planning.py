@@ -265,7 +265,7 @@ class Journey:
     attribution : str
         Text that has to be shown beside the road.
     corridor : Corridor or None
-        The stations from which stops were chosen; None if no stop is needed, or no plan was found.
+        The stations from which stops were or would be chosen; None if no stop is needed.
 
     Examples
     --------
@@ -585,7 +585,7 @@ def journey_with(
     journey = replace(journey, speed=speed, charging_alternatives=plans[1:])
     if plans or (options.charge and first.forecast.p_arrive(options.reserve) < CERTAIN):
         flags = (*noted, *_charging_flags(chosen, plans))
-        journey = replace(journey, corridor=chosen if plans else None, flags=flags)
+        journey = replace(journey, corridor=chosen, flags=flags)
     costs = [_leg_costs(leg, forecaster) for leg in first.whole(options.reserve).legs]
     return replace(journey, costs_wh={cause: sum(cost[cause] for cost in costs) for cause in costs[0]})
 
