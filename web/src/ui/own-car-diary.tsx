@@ -256,11 +256,11 @@ function Gain({ of: { latest, latest_by_book: book, diary } }: { of: OwnCar }) {
           <small>{PERCENT.unit}</small>
         </span>
         <span class="range">{words.withoutTrips(percent(book.weighted_error))}</span>
-        {before !== null && now !== null && (
-          <span class="range">{words.errorBefore(trips, percent(now), percent(before), now < before)}</span>
-        )}
       </p>
       {trend.course.length > 1 && <Line of={trend} />}
+      {before !== null && now !== null && (
+        <p class="range note">{words.errorBefore(trips, percent(now), percent(before), now < before)}</p>
+      )}
     </div>
   );
 }
