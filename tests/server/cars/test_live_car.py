@@ -286,6 +286,30 @@ def test_a_document_is_that_of_update_for_every_message(
             assert car.document(NOW_S)["forecast"] is found["forecast"], "it is made once"
 
 
+def test_samples_that_do_not_fit_leave_the_forecast_of_the_same_trip_and_drop_that_of_another(
+    drive: pd.DataFrame, folder: Path
+) -> None:
+    sent = samples_of(drive)
+    absurd = {"speed_m_s": 10.0, "voltage_v": 450.0, "current_a": 2900.0}
+    with Car.follow(folder, lambda _: MODEL) as car:
+        plan = request_of_samples(example_trip().iloc[:700])
+        car.set_plan(plan, NOON_S)
+        departing = car.document(NOW_S)["forecast"]
+        fed(car, sent[:300])
+        before = car.document(NOW_S)["forecast"]
+        assert before is not None
+        assert before["measured_until_s"] == pytest.approx(299.0, abs=5.0)
+        fed(car, [replace(sent[k], values=absurd) for k in range(300, 400)])
+        found = car.document(NOW_S)
+        assert "battery" in found["faults"][0]["what"]
+        assert found["forecast"] is before
+        car.set_plan(plan, NOON_S)
+        found = car.document(NOW_S)
+        assert found["faults"]
+        assert found["forecast"] is not None
+        assert found["forecast"]["measured_until_s"] == departing["measured_until_s"]
+
+
 def test_a_forecast_is_of_what_is_known_of_the_departure(folder: Path) -> None:
     with Car.follow(folder, lambda _: MODEL) as car:
         assert car.at_departure() is None
