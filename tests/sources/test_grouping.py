@@ -106,6 +106,9 @@ def test_cells_of_a_column_that_the_logger_added_later_shift_nothing(tmp_path: P
     lines = text_of(delimiter, ".", "", quoted=False).splitlines()
     added = lines[:300] + [f"{line}{delimiter}12" for line in lines[300:]]
     assert energy_wh(tmp_path / "added", "\n".join(added) + "\n") == pytest.approx(TRUE_WH, rel=0.005)
+    cut = [line[:4] if i in (100, 400) else line for i, line in enumerate(added)]
+    text = "\n".join(cut) + "\n" + added[-1][:4]  # rows that were cut off say nothing of the column
+    assert energy_wh(tmp_path / "cut", text) == pytest.approx(TRUE_WH, rel=0.01)
     if delimiter == ",":
         shifted = [f"{line},{900 + i // 3:,}" for i, line in enumerate(lines[1:])]
         header = f"{lines[0]},Odometer (km)"

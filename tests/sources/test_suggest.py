@@ -378,6 +378,75 @@ def test_an_energy_that_the_charge_contradicts_is_a_fault_of_the_log(tmp_path, f
     assert log.observed_energy_wh == pytest.approx(true_wh, rel=0.02)
 
 
+@pytest.mark.parametrize("charged", [0.0, 20.0])
+def test_what_a_battery_gives_and_gets_in_a_gap_says_nothing_of_the_energy(tmp_path, charged) -> None:
+    """Between two drives of a file the car stands for an hour under load, or is charged."""
+    d = drive(3000)
+    power = d.u * d.i
+    charge = with_charge(power, d.t, "SoC (%)", usable_energy_wh(CAR.battery) / 1000.0)["SoC (%)"]
+    later = d.t.to_numpy() >= 1500.0
+    table = {
+        "Time (s)": d.t + 3600.0 * later,
+        "Speed (km/h)": d.v * 3.6,
+        "HV kW": np.where(np.abs(d.t - 1500.0) < 3.0, 9000.0, power) / 1000.0,
+        "SoC (%)": charge - 30.0 + charged * later,
+    }
+    pd.DataFrame(table).to_csv(tmp_path / "drive.csv", index=False)
+    (file,) = read_table(tmp_path / "drive.csv", vehicle=CAR).report.files
+    assert (file.logs, file.faults) == (1, ())
+
+
+HILLS = {"gentle": (8.0, 4000.0), "steep": (80.0, 6000.0)}
+"""Name -> amplitude [m] and length [m] of the waves of a road."""
+
+
+@pytest.mark.parametrize("hills", [*HILLS])
+@pytest.mark.parametrize(
+    ("change", "is_right"),
+    [
+        ("nothing", True),
+        ("noise of a satellite", True),
+        ("offset", True),
+        ("some heights of zero", True),
+        ("a gap", True),
+        ("wrong sign", False),
+        ("another column", False),
+        ("ten times", False),
+    ],
+)
+def test_grades_that_contradict_the_heights_are_a_fault_of_the_log(tmp_path, hills, change, is_right) -> None:
+    """By more than their errors: on a gentle road the errors of the heights hide a wrong sign."""
+    d, rng = drive(3000), np.random.default_rng(2)
+    way, (size, length) = np.cumsum(d.v.to_numpy()), HILLS[hills]
+    height = 300.0 + size * np.sin(2.0 * np.pi * way / length)
+    grade = size * 2.0 * np.pi / length * np.cos(2.0 * np.pi * way / length)
+    time = d.t.to_numpy()
+    match change:
+        case "noise of a satellite":
+            height = height + np.repeat(rng.normal(0.0, 6.0, 100), 30)
+        case "offset":
+            grade = grade + 0.02
+        case "some heights of zero":
+            height[rng.random(3000) < 0.05] = 0.0
+        case "a gap":
+            time = time + 7200.0 * (time > 1400.0)
+        case "wrong sign":
+            grade = -grade
+        case "another column":
+            grade = 0.3 * np.sin(way / 700.0)
+        case "ten times":
+            grade = 10.0 * np.clip(grade, -0.05, 0.05)
+    table = {"time_s": time, "speed_m_s": d.v, "voltage_v": d.u, "current_a": d.i}
+    table |= {"grade": grade, "elevation_m": height}
+    pd.DataFrame(table).to_csv(tmp_path / "drive.csv", index=False)
+    if is_right or (hills, change) == ("gentle", "wrong sign"):
+        (file,) = read_table(tmp_path / "drive.csv").report.files
+        assert (file.logs, file.faults) == (1, ())
+        return
+    with pytest.raises(InvalidInput, match=r"grade contradicts heights: .*drive\.csv: got .* m apart"):
+        read_table(tmp_path / "drive.csv")
+
+
 @pytest.mark.parametrize("name", ["SoC BMS (%)", "bms_soc", "SoC (%)", "soc_display"])
 @pytest.mark.parametrize("beside", [{}, {"displayed SoC": 2.5}])
 def test_percent_of_the_battery_management_are_of_the_whole_battery(tmp_path, name, beside) -> None:

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import asdict
 from functools import partial
 from pathlib import Path
-from statistics import median
 from typing import TYPE_CHECKING, Annotated, Any
 
 import tripwatt as tw
@@ -14,14 +13,12 @@ from tripwatt.command import shared
 from tripwatt.command.options import Answer, argument, flag, make_group, option
 from tripwatt.command.printing import console, kwh, print_notes, print_reading, print_table, progress, say
 from tripwatt.command.sentences import change, share
-from tripwatt.errors import Fault, or_none, raise_faults
+from tripwatt.errors import raise_faults
 
 if TYPE_CHECKING:
     import pandas as pd
 
     from tripwatt.server.cars import Car, Learned
-    from tripwatt.trips import Trip
-    from tripwatt.vehicles import Vehicle
 
 
 CarArgument = Annotated[Path, argument("CAR", "Folder of the car, made by `tripwatt car new`.")]
@@ -96,25 +93,12 @@ def add(
     audited = tw.audit(fleet)
     print_reading(fleet, audited)
     if not implausible:
-        raise_faults(_energy_faults(data, opened.vehicle, audited.trips))
+        from tripwatt.forecasting.plausible import absurd_energy  # its modules are slow to import
+
+        raise_faults(absurd_energy(opened.vehicle, audited.trips, f"{data}"))
     with progress(shown, "trips") as advance:
         done = opened.add(fleet, progress=advance)
     return _done(car, opened, done)
-
-
-def _energy_faults(data: Path, vehicle: Vehicle, trips: Sequence[Trip]) -> Iterator[Fault]:
-    """A fault if the measured energy of most trips is not one that the car can take on them."""
-    from tripwatt.physics.batch import trip_totals
-
-    longest = sorted(trips, key=lambda trip: -trip.distance_m)[:100]  # 100: more trips hardly move the median
-    totals = or_none(trip_totals, ((vehicle, trip) for trip in longest)) or {}
-    pairs = zip(longest, totals.get("energy_wh", ()), strict=False)
-    ratios = [(trip.observed_energy_wh or 0.0) / energy_wh for trip, energy_wh in pairs if energy_wh > 0.0]
-    # 0.4, 2.5: neither weather nor load nor a wrong car of the same class explains such an energy
-    if ratios and not 0.4 <= median(ratios) <= 2.5:
-        got = f"{median(ratios):.3g} times the energy of {vehicle.title}"
-        fix = "check the units of power and speed, and the car; --implausible learns the trips as they are"
-        yield Fault("implausible energy", f"{data}", got, "0.4 to 2.5 times, in most trips", fix)
 
 
 def show(

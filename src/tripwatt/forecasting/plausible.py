@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from statistics import median
 from typing import Final
 
 import numpy as np
 
 from tripwatt.arrays import FloatArray, distance_driven, running_sum
-from tripwatt.errors import Fault
+from tripwatt.errors import Fault, or_none
 from tripwatt.forecasting.expected import MIN_RESISTANCE, ExpectedTrip
 from tripwatt.forecasting.measured import MAX_STRETCH, WHERE, ChargeReading, Columns, measured_energy
+from tripwatt.physics.batch import trip_totals
 from tripwatt.physics.battery import internal_resistance, largest_power, open_circuit_voltage
+from tripwatt.trips import Trip
 from tripwatt.units import GRAVITY_M_S2, SECONDS_PER_HOUR
+from tripwatt.vehicles import Vehicle
 from tripwatt.vehicles.relations import PEAK_EFFICIENCY
 
 LATE_S: Final = 60.0
@@ -54,6 +58,34 @@ def implausible_faults(samples: Columns, drive: ExpectedTrip) -> Iterator[Fault]
         yield from _energy_faults(cumulative, drive)
         yield from _motion_faults(samples, cumulative, drive)
     yield from _charge_faults(samples, drive)
+
+
+def absurd_energy(vehicle: Vehicle, trips: Sequence[Trip], where: str) -> Iterator[Fault]:
+    """Yield a fault if the measured energy of most trips is not one that the car can take on them. O(samples of 100 trips).
+
+    Parameters
+    ----------
+    vehicle : Vehicle
+    trips : sequence of Trip
+        Audited trips of one source.
+    where : str
+        The source, for the message.
+
+    Examples
+    --------
+    >>> from tripwatt.vehicles import load_vehicle
+    >>> list(absurd_energy(load_vehicle("nissan_leaf_24"), [], "drives"))
+    []
+    """
+    longest = sorted(trips, key=lambda trip: -trip.distance_m)[:100]  # 100: more trips hardly move the median
+    totals = or_none(trip_totals, ((vehicle, trip) for trip in longest)) or {}
+    pairs = zip(longest, totals.get("energy_wh", ()), strict=False)
+    ratios = [(trip.observed_energy_wh or 0.0) / energy_wh for trip, energy_wh in pairs if energy_wh > 0.0]
+    # 0.4, 2.5: neither weather nor load nor a wrong car of the same class explains such an energy
+    if ratios and not 0.4 <= median(ratios) <= 2.5:
+        got = f"{median(ratios):.3g} times the energy of {vehicle.title}"
+        fix = "check the units of power and speed, and the car; `implausible` learns the trips as they are"
+        yield Fault("implausible energy", where, got, "0.4 to 2.5 times, in most trips", fix)
 
 
 def contradicts_energy(reading: ChargeReading | None, samples: Columns, wh_per_charge: float) -> bool:

@@ -186,9 +186,8 @@ def _kept(table: Path, folder: Path) -> Path:
 
 def _names(wanted: Path) -> Iterator[Path]:
     """Yield a name, then the same name with the numbers 2, 3 and so on."""
-    return (
-        wanted.with_name(f"{wanted.stem} {n}{wanted.suffix}") if n > 1 else wanted for n in itertools.count(1)
-    )
+    yield wanted
+    yield from (wanted.with_name(f"{wanted.stem} {n}{wanted.suffix}") for n in itertools.count(2))
 
 
 def _is_table(name: str) -> bool:

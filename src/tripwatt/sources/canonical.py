@@ -152,9 +152,8 @@ def read_frames(frames: Frames) -> TripSet:
     (<Log A: 0.6 km in 60 s, 0.09 kWh measured, 2 samples>, 'traffic')
     """
     if isinstance(frames, pd.DataFrame):
-        frames = {
-            f"{n}": part for n, part in frames.groupby(frames.get("trip", ["trip"] * len(frames)), sort=False)
-        }
+        groups = frames.groupby(frames.get("trip", ["trip"] * len(frames)), sort=False)
+        frames = {f"{name}": part for name, part in groups}
     elif not isinstance(frames, Mapping):
         frames = {f"trip {number}": frame for number, frame in enumerate(frames, start=1)}
     if not frames:

@@ -243,10 +243,9 @@ def csv_table(source: Delimited, faults: list[Fault], decimal: str = ".") -> Csv
     parts, lines = [], []
     for part in sections(source):
         if part.names != source.names:
-            got, where = f"{len(part.names)} columns", f"{source.path} row {part.header_line}"
-            faults.append(
-                Fault("another header", where, got, f"the {len(source.names)} columns of the first")
-            )
+            where, got = f"{source.path} row {part.header_line}", f"{len(part.names)} columns"
+            allowed = f"the {len(source.names)} columns of the first"
+            faults.append(Fault("another header", where, got, allowed))
         even, line_numbers, uneven = even_rows(part)
         parts.append(even)
         lines.append(line_numbers)

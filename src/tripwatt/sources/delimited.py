@@ -118,9 +118,8 @@ def open_delimited(path: Path, content: bytes | None = None, names: Sequence[str
         return Delimited(path, tuple(names), delimiter, data, offset, line - 1)
     end = data.find(b"\n", offset) + 1 or len(data)
     header, body = data[offset:end].strip(b"\n"), data[end:]
-    if (
-        header in body
-    ):  # loggers repeat it at each start; a blank line in its place keeps the numbers of the lines
+    # loggers repeat it at each start; a blank line in its place keeps the numbers of the lines
+    if header in body:
         body = b"\n".join(b"" if line == header else line for line in body.split(b"\n"))
     if not body.strip():
         got = f"a header of {len(header_names)} columns without rows below"
@@ -260,7 +259,9 @@ def even_rows(source: Delimited) -> tuple[Delimited, IntArray, list[Fault]]:
     if is_cut:
         faults.append(_cut_off_fault(source, source.header_line + len(lines), width, cells[len(lines) - 1]))
     longer = {i: cells[i] for i, length in uneven.items() if length > width}
-    shifted = longer if delimiter == "," and not _is_appended(longer, filled) else {}
+    # rows that were cut off say nothing of a column that was added
+    whole = [i for i in filled if uneven.get(i, width) >= width]
+    shifted = longer if delimiter == "," and not _is_appended(longer, whole) else {}
     # 0.05: largest share of rows with commas in their numbers with which the other rows are used
     if len(longer) == len(filled) or len(shifted) > max(0.05 * len(filled), SHOWN_ROWS):
         raise InvalidInput(faults)
@@ -271,9 +272,9 @@ def even_rows(source: Delimited) -> tuple[Delimited, IntArray, list[Fault]]:
     return replace(source, data=body, body_offset=0), source.header_line + 1 + np.array(filled), faults
 
 
-def _is_appended(longer: Mapping[int, Sequence[str]], filled: Sequence[int]) -> bool:
+def _is_appended(longer: Mapping[int, Sequence[str]], rows: Sequence[int]) -> bool:
     """Whether the surplus cells of longer rows are those of a column that the logger added, from some row to the end of the file."""
-    is_tail = [*longer] == [*filled][len(filled) - len(longer) :]
+    is_tail = [*longer] == rows[len(rows) - len(longer) :]
     # 1,012 is one number in two cells: a number of its own has no leading zero
     in_two = any(_IN_TWO_CELLS.search(",".join(row)) for row in longer.values())
     return is_tail and len({len(row) for row in longer.values()}) == 1 and not in_two
@@ -368,9 +369,8 @@ def read_numbers(
         separator = group_separator(cells, lambda: _decimals(source))
         where = f"{source.path} row {{}} column {source.names[position]!r}"
         if separator is None:
-            faults.append(
-                unclear_fault(where.replace(" row {}", ""), [c for c in cells if c not in NULL_TEXTS])
-            )
+            filled = [cell for cell in cells if cell not in NULL_TEXTS]
+            faults.append(unclear_fault(where.replace(" row {}", ""), filled))
             cells = [""] * len(cells)
         # a separator of groups is left out; the other one begins decimals, if there are any
         plain = [cell.replace(separator, "") for cell in cells] if separator else cells
@@ -466,12 +466,9 @@ def _row_faults(source: Delimited, rows: Sequence[tuple[int, int]], width: int) 
     """A fault for each of the first `SHOWN_ROWS` rows, and one fault that counts the others; `rows` has lines and numbers of cells."""
     what = "wrong number of columns"
     for line, length in rows[:SHOWN_ROWS]:
-        comma = source.delimiter == "," and length > width
-        fix = (
-            "export with a decimal point, without separators of thousands, or with ';' between columns"
-            if comma
-            else "mend or delete the row"
-        )
+        fix = "mend or delete the row"
+        if source.delimiter == "," and length > width:
+            fix = "export with a decimal point, without separators of thousands, or with ';' between columns"
         yield Fault(what, f"{source.path} row {line}", f"{length}", f"{width}", fix)
     unlisted = len(rows) - SHOWN_ROWS
     if unlisted > 0:

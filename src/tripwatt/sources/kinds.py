@@ -169,11 +169,8 @@ def _changed(
     assumed = {}
     measured = {POWER, "current_a"} & columns.keys()
     if vehicle is not None and measured and "voltage_v" not in columns:
-        assumed["nominal_voltage_v"] = float(
-            # 0.5: state of charge at which the open-circuit voltage is taken as the battery's nominal
-            # voltage
-            open_circuit_voltage(np.array([0.5]), vehicle.battery)[0]
-        )
+        # 0.5: state of charge at which the open-circuit voltage is taken as the battery's nominal voltage
+        assumed["nominal_voltage_v"] = float(open_circuit_voltage(np.array([0.5]), vehicle.battery)[0])
     charge = {"soc", "displayed_soc"} & columns.keys()
     capacity = {}
     if vehicle is not None and charge:

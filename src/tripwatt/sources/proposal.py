@@ -108,9 +108,8 @@ def suggestion_of(
     lines.append("[columns]")
     for guess in guesses.values():
         entry = [f"column = {quoted(guess.column)}", f'unit = "{SPELLED.get(guess.unit, guess.unit)}"']
-        entry += [
-            f"{key} = {quoted(getattr(guess, key))}" for key in ("date", "format") if getattr(guess, key)
-        ]
+        more = {"date": guess.date, "format": guess.format}
+        entry += [f"{key} = {quoted(text)}" for key, text in more.items() if text]
         entry += [] if always is None or guess.ours in always else ["optional = true"]
         lines.append(f"{guess.ours} = {{ {', '.join(entry)} }}  # {_comment(guess.why)}")
     for name, settings in sections.items():

@@ -79,10 +79,8 @@ def _columns_of(
             continue
         chosen[ours] = source.names[places[0]], factor
         if len(places) > 1:
-            got = f"columns {', '.join(str(position + 1) for position in places)}"
-            faults.append(
-                Fault("duplicate column", f"{place} column {name!r}", got, "one column of that name")
-            )
+            where, got = f"{place} column {name!r}", f"columns {', '.join(str(k + 1) for k in places)}"
+            faults.append(Fault("duplicate column", where, got, "one column of that name"))
     shown = ", ".join(repr(name[:40]) for name in source.names[:6]) + " ..." * (len(source.names) > 6)
     fix = "give a file with ';' or ',' between columns" if len(source.names) < 4 else ""
     for ours in needed:

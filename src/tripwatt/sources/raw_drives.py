@@ -158,11 +158,9 @@ def _blank_wrong(file: RawFile, ours: dict[str, FloatArray]) -> None:
         known = int(np.isfinite(values).sum())
         if known and not len(bad):
             continue
-        fault = Fault(
-            "empty column", f"{file.path} column {entry.column!r}", "no value", f"{name} in {entry.unit}"
-        )
-        if known:
-            fault = _range_fault(file, name, bad, lowest)
+        where, allowed = f"{file.path} column {entry.column!r}", f"{name} in {entry.unit}"
+        empty = Fault("empty column", where, "no value", allowed)
+        fault = _range_fault(file, name, bad, lowest) if known else empty
         if name in NEEDED and len(bad) == known:
             raise InvalidInput([fault])
         is_named = any(repr(entry.column) in other.where for other in file.faults)

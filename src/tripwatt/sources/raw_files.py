@@ -97,9 +97,8 @@ class RawFile:
     @property
     def reading(self) -> FileReading:
         """Summary of what was read from the file."""
-        return FileReading(
-            self.path.name, self.rows, self.rows_used, self.logs, tuple(self.faults), self.kind
-        )
+        counts = self.rows, self.rows_used, self.logs
+        return FileReading(self.path.name, *counts, tuple(self.faults), self.kind)
 
 
 def open_raw_file(path: Path, mapping: ColumnMapping, names: Sequence[str], kind: int) -> RawFile:
@@ -163,14 +162,8 @@ def _entries(file: RawFile, table: TableFile) -> dict[str, MappedColumn]:
         When a column of time, speed, trip, vehicle, driver, signal or a covariate is missing; another missing column is a fault of the file.
     """
     mapping = file.mapping
-    keyed = (
-        mapping.trip_column,
-        mapping.vehicle_column,
-        mapping.driver_column,
-        mapping.long_name,
-        mapping.long_value,
-        *mapping.covariates.values(),
-    )
+    keyed = [mapping.trip_column, mapping.vehicle_column, mapping.driver_column]
+    keyed += [mapping.long_name, mapping.long_value, *mapping.covariates.values()]
     needed = [_missing(table, name, mapping) for name in keyed if name and name not in table.names]
     keys = by_key(table.names, column_key)
 

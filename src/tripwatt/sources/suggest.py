@@ -109,9 +109,8 @@ def suggest_mapping(path: Path | str, names: Sequence[str] = (), beside: Sequenc
     drive = {name: values[longest] for name, values in columns.items()}
     unknown = {n: values for n, values in drive.items() if n not in taken and not is_something_else(n)}
     labels = {name: _label(table, name) for name in unknown}
-    flow = best_flow(
-        _clock(guesses, drive, int(longest.sum())), _in_our_units(guesses, drive), unknown, labels
-    )
+    clock = _clock(guesses, drive, int(longest.sum()))
+    flow = best_flow(clock, _in_our_units(guesses, drive), unknown, labels)
     guesses |= {guess.ours: guess for guess in flow.guesses}
     if "time_s" in guesses and guesses["time_s"].unit == "timestamp":
         guesses["time_s"] = _with_day(guesses["time_s"], table, beside)
@@ -141,9 +140,8 @@ def _of_signals(path: Path, table: TableFile, mapping: ColumnMapping) -> Suggest
         likely = candidates(ours, signals)
         why = f"of the shipped mapping {mapping.source!r}"
         if likely and entry.column not in signals and ours != "time_s":
-            guesses[ours] = Guess(
-                ours, likely[0], entry.unit, f"CHECK: similar name, in place of {entry.column!r}"
-            )
+            why = f"CHECK: similar name, in place of {entry.column!r}"
+            guesses[ours] = Guess(ours, likely[0], entry.unit, why)
         elif ours == "time_s" or entry.column in signals or entry.optional:
             guesses[ours] = Guess(ours, entry.column, entry.unit, why)
         else:
@@ -276,14 +274,13 @@ def _with_unit(ours: str, name: str, table: TableFile, values: FloatArray | None
     known = values[np.isfinite(values)]
     if not len(known):
         return None
-    stated_unit = None if name == ours else unit_in(ours, _label(table, name))
-    if name == ours:
-        our_unit = COLUMNS[ours].unit.lower() if ours in COLUMNS else "w"
-        since_1970 = ours == "time_s" and known[0] > SINCE_1970
-        if not since_1970 and _possible(ours, our_unit, known):
-            return Guess(ours, name, our_unit, OWN_NAME)
-    if stated_unit is not None and not (ours == "time_s" and known[0] > SINCE_1970):
-        return Guess(ours, name, stated_unit, NAME_AND_UNIT) if _possible(ours, stated_unit, known) else None
+    is_own, our_unit = name == ours, COLUMNS[ours].unit.lower() if ours in COLUMNS else "w"
+    stated = our_unit if is_own else unit_in(ours, _label(table, name))
+    if stated is not None and not (ours == "time_s" and known[0] > SINCE_1970):
+        if _possible(ours, stated, known):
+            return Guess(ours, name, stated, OWN_NAME if is_own else NAME_AND_UNIT)
+        if not is_own:
+            return None
     unit, why = unit_of_values(ours, known)
     return Guess(ours, name, unit, f"{NAME_ONLY}; {why}") if _possible(ours, unit, known) else None
 

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from tripwatt.arrays import FloatArray, by_key
+from tripwatt.arrays import FloatArray, by_key, distance_driven, running_sum
 from tripwatt.errors import Fault, InvalidInput, grouped, raise_faults
 from tripwatt.sources.archives import unpacked
 from tripwatt.sources.clocks import decide_format
@@ -31,6 +31,8 @@ from tripwatt.sources.raw_drives import (
 from tripwatt.sources.raw_files import RawFile, convert_times, in_our_unit, open_raw_file, use_unit
 from tripwatt.sources.scales import Distances, air_unit_of, distances_of, positions_of, speed_unit_of
 from tripwatt.trips import Flag, Log, TripSet
+from tripwatt.trips.energy import observed_cumulative_energy
+from tripwatt.trips.gaps import LONGEST_GAP_S
 from tripwatt.trips.inertia import WRONG_SIGN, apparent_mass
 from tripwatt.trips.reading import FileReading, ReadingReport
 from tripwatt.vehicles import Vehicle
@@ -212,19 +214,16 @@ def _logs(drives: Sequence[RawDrive]) -> list[Log]:
     """The logs of drives.
 
     The sign of a current or power is reversed if it would charge the battery while the car accelerates. A drive whose state of charge
-    contradicts its energy is left out.
+    contradicts its energy, or whose grades contradict its heights, is left out.
     """
     logs = [log_of(drive) for drive in drives]
     for kind in sorted({drive.files[0].kind for drive in drives}):
         members = [k for k, drive in enumerate(drives) if drive.files[0].kind == kind]
         mapping = drives[members[0]].files[0].mapping
         correlations = [c for k in members if (c := _correlation(logs[k])) is not None]
-        seen = (
-            float(np.median(correlations))
-            if correlations
-            else _energy_by_charge([logs[k] for k in members], mapping)
-        )
-        if seen < (WRONG_SIGN if correlations else 0.0):
+        by_charge = {k: ratio for k in members if (ratio := _energy_by_charge(logs[k], mapping)) is not None}
+        evidence = correlations or [*by_charge.values()]
+        if evidence and float(np.median(evidence)) < (WRONG_SIGN if correlations else 0.0):
             name = (mapping.columns.get("current_a") or mapping.columns[POWER]).column
             stated, right = ("discharge", "charge") if mapping.discharge_sign > 0 else ("charge", "discharge")
             got = f"the car would charge while it accelerates in most of {len(correlations)} trips"
@@ -236,15 +235,11 @@ def _logs(drives: Sequence[RawDrive]) -> list[Log]:
             for k in members:
                 drives[k].files[0].mapping = replace(mapping, discharge_sign=-mapping.discharge_sign)
                 logs[k] = log_of(drives[k])
+            by_charge = {k: -ratio for k, ratio in by_charge.items()}
         for k in members:
-            by_charge = _energy_by_charge([logs[k]], mapping)
-            # 0.5, 2.0: no ageing of a battery and no reserve of its charge explains such a ratio
-            if not 0.5 <= by_charge <= 2.0:
-                got = f"{by_charge:.3g} of the energy of the change of the state of charge"
-                fix = "check the unit of power or current in the mapping, and the car"
+            for fault in _contradictions(logs[k], by_charge.get(k, 1.0)):
                 for file in drives[k].files:
-                    where = f"{file.path}"
-                    file.leave_out([Fault("energy contradicts state of charge", where, got, "0.5 to 2", fix)])
+                    file.leave_out([replace(fault, where=f"{file.path}")])
     used = [all(file.values for file in drive.files) for drive in drives]
     for drive in (drive for drive, is_used in zip(drives, used, strict=True) if is_used):
         for file in drive.files:
@@ -252,19 +247,51 @@ def _logs(drives: Sequence[RawDrive]) -> list[Log]:
     return [log for log, is_used in zip(logs, used, strict=True) if is_used]
 
 
-def _energy_by_charge(logs: Sequence[Log], mapping: ColumnMapping) -> float:
-    """Measured energy over that of the change of the state of charge, in the median of the logs; 1 if they cannot be compared."""
-    ratios = []
-    for log in logs if mapping.usable_capacity_kwh is not None else ():
-        charge = next((log.array(name) for name in ("soc", "displayed_soc") if log.has(name)), np.zeros(0))
-        charge = charge[np.isfinite(charge)]
-        # 0.05: smallest change of the state of charge that is compared: five steps of a percent
-        # 60.0: a log of less than a minute has a wrong unit of time, which the audit names
-        is_long = len(charge) > 0 and log.duration_s >= 60.0 and log.has("voltage_v", "current_a")
-        if is_long and abs(charge[0] - charge[-1]) >= 0.05:
-            by_charge = 1000.0 * (mapping.usable_capacity_kwh or 0.0) * float(charge[0] - charge[-1])
-            ratios.append((log.observed_energy_wh or 0.0) / by_charge)
-    return float(np.median(ratios)) if ratios else 1.0
+def _energy_by_charge(log: Log, mapping: ColumnMapping) -> float | None:
+    """Measured energy over that of the change of the state of charge; None if they cannot be compared."""
+    name = next((name for name in ("soc", "displayed_soc") if log.has(name)), "")
+    energy = observed_cumulative_energy(log.samples) if log.has("voltage_v", "current_a") else None
+    # 60.0: a log of less than a minute has a wrong unit of time, which the audit names
+    if mapping.usable_capacity_kwh is None or not name or energy is None or log.duration_s < 60.0:
+        return None
+    time, charge = log.array("time_s"), log.array(name)
+    # nobody knows what a battery gave and got in a gap
+    piece = np.cumsum(np.diff(time, prepend=time[0]) > LONGEST_GAP_S)
+    known = np.flatnonzero(np.isfinite(charge))
+    inside = np.diff(piece[known]) == 0
+    taken, fall = (float(np.diff(values[known])[inside].sum()) for values in (energy, -charge))
+    # 0.05: smallest change of the state of charge that is compared: five steps of a percent
+    return taken / (1000.0 * mapping.usable_capacity_kwh * fall) if abs(fall) >= 0.05 else None
+
+
+def _contradictions(log: Log, energy_by_charge: float) -> Iterator[Fault]:
+    """A fault for each pair of signals of a log that contradict each other by more than their errors. O(samples)."""
+    # 0.5, 2.0: no ageing of a battery and no reserve of its charge explains such a ratio
+    if not 0.5 <= energy_by_charge <= 2.0:
+        got = f"{energy_by_charge:.3g} of the energy of the change of the state of charge"
+        fix = "check the unit of power or current in the mapping, and the car"
+        yield Fault("energy contradicts state of charge", "", got, "0.5 to 2", fix)
+    names = ("time_s", "speed_m_s", "grade", "elevation_m")
+    columns = np.array([log.array(name) for name in names if log.has(name)])
+    rows = np.isfinite(columns).all(axis=0)
+    # 0.5: least share of rows with all of them; grades between rarer rows are unknown
+    if len(columns) < len(names) or rows.mean() < 0.5:
+        return
+    time, speed, grade, height = columns[:, rows]
+    driven = distance_driven(running_sum(np.minimum(np.diff(time), LONGEST_GAP_S)), speed)
+    by_grade = distance_driven(driven, grade)  # the integral of the grade over the way
+    at_m = np.arange(0.0, driven[-1], 1000.0)
+    if len(at_m) < 6:  # five climbs of a kilometre
+        return
+    climbs = [np.diff(np.interp(at_m, driven, heights)) for heights in (by_grade, height)]
+    # the middle 68 %: an offset of the grades changes all climbs alike, and few wrong heights are left to the audit
+    sizes = [float(np.ptp(np.quantile(x, (0.16, 0.84)))) / 2.0 for x in (climbs[0] - climbs[1], *climbs)]
+    # choices: 15 m for the errors of two heights by satellite, and 30 % for the scale of a sensor of inclination
+    allowed = 15.0 + 0.3 * max(sizes[1:])
+    if sizes[0] > allowed:
+        got = f"{sizes[0]:.0f} m apart over a kilometre"
+        fix = "check unit and sign of the grade in the mapping"
+        yield Fault("grade contradicts heights", "", got, f"at most {allowed:.0f} m", fix)
 
 
 def _correlation(log: Log) -> float | None:

@@ -247,6 +247,33 @@ def test_columns_are_corrected_and_the_battery_fills_in_what_the_log_lacks(servi
     assert service.client.get("/v1/cars/corrected").json()["learning"] is None
 
 
+@pytest.mark.parametrize("factor", [1.0, 3.0])
+def test_an_energy_that_the_car_cannot_take_is_held_back_unless_asked_for(
+    service: Service, factor: float
+) -> None:
+    car = f"held-{factor:g}"
+    new_car(service, car)
+    for log in synthetic_fleet(2).logs:
+        table = log.samples.drop(columns=["soc", "displayed_soc"], errors="ignore")
+        table = table.assign(current_a=factor * table["current_a"])[::12]  # too rare for the audit
+        put(service, car, "upload09", f"{log.trip_id}.csv", table.to_csv(index=False).encode())
+    read = logs(service, car, "upload09")
+    assert read["preview"]["drives"] == 2
+    if factor == 1.0:
+        assert read["faults"] == []
+        assert learned(service, car, "upload09")["learning"]["entries"] == 2
+        return
+    (fault,) = read["faults"]
+    assert fault["what"] == "implausible energy"
+    assert fault["where"] == "logs"
+    assert fault["got"].endswith("times the energy of BMW i3 60 Ah")
+    refused = service.client.post(f"/v1/cars/{car}/uploads/upload09/learn", json={})
+    assert (refused.status_code, refused.json()["faults"][0]["what"]) == (422, "implausible energy")
+    assert service.client.get(f"/v1/cars/{car}").json()["learning"] is None
+    assert logs(service, car, "upload09", implausible=True)["faults"] == []
+    assert learned(service, car, "upload09", implausible=True)["learning"]["entries"] == 2
+
+
 @pytest.mark.parametrize(
     ("body", "what"),
     [

@@ -10,7 +10,10 @@ from types import SimpleNamespace
 
 import pytest
 
+from tripwatt.auditing import audit
 from tripwatt.errors import Fault
+from tripwatt.server.cars import is_car
+from tripwatt.server.cars.car_file import CarFile, Database
 from tripwatt.server.http.car_jobs import (
     PROGRESS,
     CarJobs,
@@ -62,7 +65,8 @@ def test_a_preview_has_the_sums_and_ends_of_its_drives() -> None:
     made = synthetic_fleet(3, seed=2)
     first, *others = made.logs
     bare = replace(first, samples=first.samples.drop(columns="ambient_temperature_degc"))
-    found = preview_logs(TripSet("three", (bare, *others)))
+    three = TripSet("three", (bare, *others))
+    found = preview_logs(three, audit(three))
     trips = made.trips
     assert (found["logs"], found["drives"]) == (3, 3)
     assert [(one["count"], one["consequence"]) for one in found["findings"]] == [(1, "noted")]
@@ -73,7 +77,8 @@ def test_a_preview_has_the_sums_and_ends_of_its_drives() -> None:
     assert (found["from_date"], found["to_date"]) == (days[0], days[-1])
     air = [float(log.samples["ambient_temperature_degc"].iloc[0]) for log in others]
     assert found["ambient_degc"] == [min(air), max(air)]
-    without = preview_logs(TripSet("one", (bare,)))
+    one = TripSet("one", (bare,))
+    without = preview_logs(one, audit(one))
     assert (without["drives"], without["ambient_degc"]) == (1, None)
 
 
@@ -103,3 +108,40 @@ def test_one_of_several_calls_at_once_makes_a_car(tmp_path: Path) -> None:
     assert found[0:5] == ["name-taken"] * 5
     assert found[5] in ("nissan_leaf_24", "vw_id3")
     assert CarJobs(tmp_path).list()["cars"][0]["vehicle"] == found[5]
+
+
+@pytest.mark.parametrize("step", ["folder", "file", "tables"])
+def test_a_car_can_be_made_where_a_killed_call_ended(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, step: str
+) -> None:
+    """Whatever it left, nothing of it is shown as a car, and the next call makes the car."""
+
+    def killed(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    jobs = CarJobs(tmp_path)
+    owner, method = {
+        "folder": (CarFile, "prepare"),
+        "file": (CarFile, "read"),
+        "tables": (Database, "put_settings"),
+    }[step]
+    with monkeypatch.context() as patch:
+        patch.setattr(owner, method, killed)
+        with pytest.raises(KeyboardInterrupt):
+            jobs.create("my leaf", "nissan_leaf_24")
+    assert (tmp_path / "my-leaf").is_dir()
+    assert not is_car(tmp_path / "my-leaf")
+    assert jobs.list()["cars"] == []
+    assert jobs.create("my leaf", "nissan_leaf_24")["name"] == "my-leaf"
+    with pytest.raises(Problem) as caught:
+        jobs.create("my leaf", "nissan_leaf_24")
+    assert caught.value.kind == "name-taken"
+
+
+def test_the_name_of_a_damaged_car_is_taken(tmp_path: Path) -> None:
+    jobs = CarJobs(tmp_path)
+    (tmp_path / "leaf").mkdir()
+    (tmp_path / "leaf" / "car.sqlite").write_bytes(b"no database" * 1000)
+    with pytest.raises(Problem) as caught:
+        jobs.create("leaf", "nissan_leaf_24")
+    assert caught.value.kind == "name-taken"

@@ -19,6 +19,7 @@ pytest.importorskip("deltalake", reason="needs the extra tripwatt[fleet]")
 
 from tripwatt.server.cars import create_car
 from tripwatt.sources.sample import sample_trips
+from tripwatt.study.synthetic import synthetic_fleet
 from tripwatt.trips import Log
 
 TRIPS = 4
@@ -225,6 +226,22 @@ def test_a_column_is_corrected_and_a_wrong_one_is_explained(opened: Any, tmp_pat
     )
     torque = [column for title, column in found if "Torque" in title]
     assert torque == ["GPS Speed (Meters/second)"], found
+
+
+def test_an_energy_that_the_car_cannot_take_is_taken_only_when_asked_for(opened: Any) -> None:
+    page = opened
+    new_car(page, "Three times")
+    for log in synthetic_fleet(2).logs:
+        samples = log.samples.drop(columns=["soc", "displayed_soc"], errors="ignore")
+        samples = samples.assign(current_a=3.0 * samples["current_a"])[::12]
+        send(page, table(f"{log.trip_id}.csv", samples.to_csv(index=False).encode()))
+    learns = dialog(page).get_by_role("button", name="Learn 2 trips")
+    dialog(page).get_by_text("implausible energy").wait_for()
+    assert learns.is_disabled()
+    dialog(page).get_by_role("button", name="Use anyway").click()
+    dialog(page).get_by_text("implausible energy").wait_for(state="detached")
+    learns.click()
+    dialog(page).get_by_text("2 new trips learned").wait_for()
 
 
 def test_many_files_of_which_some_are_bad(opened: Any, service: Service) -> None:

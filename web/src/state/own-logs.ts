@@ -91,6 +91,12 @@ export const logFiles = computed<LogFile[]>(() => {
   return [...chosen, ...read];
 });
 
+/** Whether the logs are held back because their energy is not one that the car can take. */
+export const isHeldBack = computed(
+  // eslint-disable-next-line page/text -- of the contract
+  () => logs.value?.read?.faults.some(({ what }) => what === "implausible energy") ?? false,
+);
+
 /** Files that are used as far as they go, and cannot be read. */
 export const unreadable = computed(() => logFiles.value.filter(({ state }) => state === "out"));
 
@@ -105,7 +111,7 @@ function uploadName(): string {
 }
 
 function begun(car: string): Logs {
-  const request = { kinds: {}, ignored: [] };
+  const request = { kinds: {}, ignored: [], implausible: false };
   const upload = uploadName();
   return { car, upload, stage: "ready", request, chosen: [], read: null, used: new Map() };
 }
@@ -213,6 +219,11 @@ export async function changeKind(number: number, more: KindChanges): Promise<voi
   const own = kinds[`${number}`];
   const changes = { ...own?.changes, ...more.changes };
   await read(now, { ...now.request, kinds: { ...kinds, [`${number}`]: { ...own, ...more, changes } } });
+}
+
+/** Take logs that are held back as they are. */
+export async function takeAnyway(): Promise<void> {
+  if (logs.value) await read(logs.value, { ...logs.value.request, implausible: true });
 }
 
 /** Leave files out. */

@@ -711,6 +711,7 @@ const de: Text = {
     },
     moreReasons: each({ one: "# weiterer", other: "# weitere" }),
     learn: each({ one: "Aus # Fahrt lernen", other: "Aus # Fahrten lernen" }),
+    takeAnyway: "Trotzdem verwenden",
     starting: "Lernt …",
     learning: (done, total) => `Lernt: Fahrt ${done} von ${total}`,
     learnedNow: (trips, known) =>

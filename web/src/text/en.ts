@@ -713,6 +713,7 @@ export const en = {
     },
     moreReasons: each({ one: "# more", other: "# more" }),
     learn: each({ one: "Learn # trip", other: "Learn # trips" }),
+    takeAnyway: "Use anyway",
     starting: "Learning …",
     learning: (done: number, total: number) => `Learning: trip ${done} of ${total}`,
     learnedNow: (trips: number, known: number) =>

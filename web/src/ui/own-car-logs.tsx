@@ -3,7 +3,7 @@
 import type { Alike, LogsReading } from "../api/documents";
 import { ENERGY } from "../model/units";
 import { faultsOfCars } from "../state/own-cars";
-import { learn, logs, sendFiles } from "../state/own-logs";
+import { isHeldBack, learn, logs, sendFiles, takeAnyway } from "../state/own-logs";
 import { format, text, units } from "../state/preferences";
 import { FaultList } from "./faults";
 import { FileDrop } from "./file-drop";
@@ -99,11 +99,12 @@ export function OwnCarLogs({ car }: { car: string }) {
           {now.read && (
             <Button
               class="primary"
-              disabled={drives === 0 || now.stage !== "ready"}
+              disabled={drives === 0 || isHeldBack.value || now.stage !== "ready"}
               onClick={() => void learn()}
               label={words.learn(drives)}
             />
           )}
+          {isHeldBack.value && <Button onClick={() => void takeAnyway()} label={words.takeAnyway} />}
           <Button onClick={put(logs, null)} label={text.value.cancel} />
         </div>
       )}

@@ -97,9 +97,8 @@ class LiveCar(Recorder):
             self.file.keep_open()
             stack.callback(self.file.close)
             self._restore(self.file.setting("live") or {})
-            with suppress(
-                InvalidInput, KeyError, TypeError, ValueError
-            ):  # without a plan, or one that is damaged
+            # without a plan, or one that is damaged
+            with suppress(InvalidInput, KeyError, TypeError, ValueError):
                 self.plan = LivePlan.from_dict(self.file.setting("plan"))
             for sample in self.file.messages():
                 self._process(sample, self._judge_arrival(sample))
@@ -280,7 +279,9 @@ class LiveCar(Recorder):
             db.execute("UPDATE trips SET start_s = NULL WHERE start_s < ?", (before_s,))
             if is_silent:
                 db.execute("DELETE FROM messages")
-                db.put_settings({"live": self._state_without_charge()})
+                self._soc = self._parked = None
+                known = {**self._state_before_samples(), "after_s": self._ordered.newest_s}
+                db.put_settings({"live": known})
                 self._messages = 0
         self.file.checkpoint()
         self._usual = None

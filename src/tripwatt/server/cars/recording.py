@@ -172,11 +172,6 @@ class Recorder:
             "air": self._air,
         }
 
-    def _state_without_charge(self) -> dict[str, Any]:
-        """Forget the charge; return what is still known, as `_state_before_samples` does."""
-        self._soc = self._parked = None
-        return {**self._state_before_samples(), "after_s": self._ordered.newest_s}
-
     def observed(self, start_s: float = 0.0) -> pd.DataFrame:
         """Tabulate what the car measured on its trip so far, including samples that wait for late ones. O(samples of the trip).
 

@@ -139,13 +139,9 @@ async def read_logs(call: Called, car: CarName, upload: UploadName) -> Response:
 async def learn(call: Called, car: CarName, upload: UploadName) -> Response:
     """Learn the trips of an upload: the response comes at once, and the car shows the progress."""
     body, job = await call.read(), {"name": car, "upload": upload}
-    checked = await call.job("cars.logs", body, **job)
+    checked = await call.job("cars.logs", body, **job, strict=True)
     if checked.status_code != 200:
         return checked
-    faults = orjson.loads(checked.body)["faults"]
-    if faults:
-        known = ({name: text for name, text in fault.items() if text and name != "code"} for fault in faults)
-        raise invalid_input([Fault(**{"where": "logs", **fault}) for fault in known])
     call.service.learning.require_idle(car)
     call.service.learning.start(Learning(upload), {"kind": "cars.learn", **job}, body)
     return await get_car(call, car)

@@ -15,12 +15,13 @@ import orjson
 from cachetools import LRUCache
 from pydantic import BaseModel
 
-from tripwatt.auditing import audit
+from tripwatt.auditing import Audit, audit
 from tripwatt.containers import INSIDE, LIMITS
 from tripwatt.containers import TABLES as TABLES_BYTES
-from tripwatt.errors import Fault, InvalidInput, excerpt
+from tripwatt.errors import Fault, InvalidInput, excerpt, or_none, raise_faults
 from tripwatt.files import write_bytes
 from tripwatt.forecasting import ForecastModel
+from tripwatt.forecasting.plausible import absurd_energy
 from tripwatt.server import cars as live
 from tripwatt.server.cars.car_file import CarFile
 from tripwatt.server.cars.diary import causes_of
@@ -117,8 +118,10 @@ class CarJobs:
     def create(self, name: str, vehicle: Vehicle | str) -> dict[str, Any]:
         """Make a car, and return it as `show`."""
         folder = require_folder(self.folder) / folder_name(name)
+        # a killed call may have left a file without tables
+        is_free = not holds_car(folder) or or_none(lambda: CarFile(folder).is_finished) is False
         try:
-            if not holds_car(folder):
+            if is_free:
                 return self.show(live.create_car(folder, vehicle, label=name).name)
         except InvalidInput:
             if not live.is_car(folder):  # else another call was faster
@@ -166,17 +169,28 @@ class CarJobs:
             raise Problem("no-such-car", "GET /v1/cars lists the cars")
         return {"files": len(sizes), "bytes": sum(sizes)}
 
-    def logs(self, name: str, upload: str, request: LogsRequest) -> dict[str, Any]:
-        """Return how the files of an upload are read, and what they hold then, as `LogsResponse`."""
+    def logs(self, name: str, upload: str, request: LogsRequest, strict: bool = False) -> dict[str, Any]:
+        """Return how the files of an upload are read, and what they hold then, as `LogsResponse`.
+
+        Raises
+        ------
+        InvalidInput
+            With `strict`, when nothing can be read, or the energy is not one that the car can take.
+        """
         car = self.car(name)
         tables = upload_tables(car.folder, upload)
         kinds = _kinds_of_upload(tables, request, car.vehicle)
         preview, faults, report = None, [], None
         try:
             fleet = read_kinds(tables, kinds, heights=self.heights)
-            preview, report = preview_logs(fleet), fleet.report
+            audited, report = audit(fleet), fleet.report
+            preview = preview_logs(fleet, audited)
+            raise_faults(() if request.implausible else absurd_energy(car.vehicle, audited.trips, "logs"))
         except InvalidInput as error:
-            faults = [fault_document(fault) for fault in _without_folder(error, tables).faults[:MAX_FAULTS]]
+            shown = _without_folder(error, tables)
+            if strict:
+                raise shown from error
+            faults = [*map(fault_document, shown.faults[:MAX_FAULTS])]
         return {
             "fields": [{"ours": ours, "units": _units_of(ours)} for ours in UNITS],
             "kinds": [_kind_document(n, kind) for n, kind in enumerate(kinds) if kind.tables],
@@ -279,12 +293,11 @@ def _kinds_of_upload(tables: Path, request: LogsRequest, vehicle: Vehicle) -> li
     return proposed_kinds(tables, vehicle, changes, request.ignored)
 
 
-def preview_logs(fleet: TripSet) -> dict[str, Any]:
+def preview_logs(fleet: TripSet, audited: Audit) -> dict[str, Any]:
     """Return the audit of logs, as `LogsPreview`."""
-    audited = audit(fleet)
     sound = [trip for trip in audited.trips if trip.observed_energy_wh is not None]
     starts = sorted(trip.context.started_at for trip in sound if trip.context.started_at is not None)
-    air = [trip.departure.ambient_temperature_degc for trip in sound if "ambient_temperature_degc" in trip]
+    air = [trip.departure.ambient_temperature_degc for trip in sound]
     temperatures = [value for value in air if value is not None]
     return {
         "logs": len(fleet.logs),

@@ -57,6 +57,8 @@ class LogsRequest(StrictModel):
     """number of a kind of files -> what is read otherwise than proposed"""
     ignored: list[str] = Field(default_factory=list, max_length=4000)
     """names of files that are left out"""
+    implausible: bool = False
+    """learn also from an energy that the car cannot take on these trips"""
 
 
 class UploadResponse(ResponseModel):
