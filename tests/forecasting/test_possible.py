@@ -8,6 +8,7 @@ import pytest
 from tests.support.cars import some_cars
 
 import tripwatt as tw
+from tripwatt.errors import InvalidInput
 from tripwatt.forecasting.along import distance_below, possible_energy
 from tripwatt.forecasting.document import QUANTILES
 from tripwatt.population import for_car
@@ -104,3 +105,11 @@ def test_the_least_energy_bounds_from_below_and_is_reversible():
     # a drive that gives energy back has no floor above its expectation
     assert possible_energy(-300.0, 100.0, -200.0) == -400.0
     assert distance_below(-300.0, -400.0, -200.0) == 100.0
+
+
+@pytest.mark.parametrize("trip", [None, "route.gpx", 12.0, [{"length_m": 5000.0, "speed_m_s": 15.0}]])
+def test_what_is_no_trip_is_refused_with_what_makes_one(trip):
+    with pytest.raises(
+        InvalidInput, match=r"unknown type: trip: got .*allowed: a Plan or a Trip; make a plan with"
+    ):
+        tw.load_model().forecast(trip)

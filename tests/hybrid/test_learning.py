@@ -173,3 +173,14 @@ def test_runs_on_a_dynamometer_leave_the_noise_of_the_road_open(rng) -> None:
     assert road.noise_scale == pytest.approx(new().noise_scale, rel=0.05)
     assert np.abs(road.collapsed()[0][:P] - lab.collapsed()[0][:P]).max() < 0.3
     assert road.trips == 0
+
+
+def test_the_drift_of_a_dynamometer_says_nothing_of_that_of_the_road(rng) -> None:
+    """In every expert the drift is that of its prior, and correlated with nothing."""
+    lab, _ = new().learn(trips(40, np.zeros(P), rng, 0.07))
+    road = lab.on_the_road()
+    assert np.abs(lab.covariance[:, -1, :-1]).max(axis=1).min() > 0.0
+    assert not road.mean[:, -1].any()
+    for beside in (road.covariance[:, -1, :-1], road.covariance[:, :-1, -1]):
+        assert not beside.any()
+    assert road.covariance[:, -1, -1].tolist() == lab.drift.tolist()

@@ -11,7 +11,7 @@ from tests.routes.made import M_PER_DEGREE, NO, SPEED, drive, gpx
 
 from tripwatt.errors import InvalidInput
 from tripwatt.routes import Track, parse_route
-from tripwatt.routes.tracks import parse_times
+from tripwatt.routes.tracks import EARLIEST_YEAR, LATEST_YEAR, _parse_time, parse_times
 from tripwatt.trips import Flag
 
 
@@ -296,3 +296,18 @@ def test_a_clock_that_is_set_on_the_way_is_named_with_its_point():
         Track(
             np.linspace(48.0, 48.1, 41), np.full(41, 11.0), np.full(41, np.nan), time_s, np.full(40, np.nan)
         )
+
+
+@pytest.mark.parametrize(
+    ("year", "is_right"),
+    [(EARLIEST_YEAR - 1, False), (EARLIEST_YEAR, True), (LATEST_YEAR, True), (LATEST_YEAR + 1, False)],
+)
+def test_a_time_is_of_a_year_in_which_a_car_is_driven(year, is_right):
+    text = f"{year}-05-01T08:00:00Z"
+    if is_right:
+        assert _parse_time(text, "x").year == year
+        return
+    with pytest.raises(
+        InvalidInput, match=f"invalid time: x: got year {year}; allowed: {EARLIEST_YEAR} to {LATEST_YEAR}"
+    ):
+        _parse_time(text, "x")

@@ -228,3 +228,11 @@ def by_hand_segments(rng: np.random.Generator, n: int) -> Segments:
     return Segments(
         15.0 + 30.0 * np.arange(n), np.full(n, 30.0), rng.uniform(0, 9000, n), rng.uniform(0, 3000, n)
     )
+
+
+def test_without_held_out_trips_nothing_is_learned_on_the_way() -> None:
+    nothing = UpdateShrinkage.from_trips(SimpleNamespace(), [], np.zeros(0))  # type: ignore[arg-type]
+    for name in ("climate", "drive", "joint", "off"):
+        assert getattr(nothing, name).tolist() == [0.0] * len(FRACTIONS), name
+    for name in ("split_sd_factor", "joint_sd_factor"):
+        assert getattr(nothing, name).tolist() == [1.0] * len(FRACTIONS), name

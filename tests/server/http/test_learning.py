@@ -18,6 +18,7 @@ from tripwatt.server.http import learning as module
 from tripwatt.server.http.jobs import Jobs
 from tripwatt.server.http.learning import LearningCars
 from tripwatt.server.http.live import LiveCars
+from tripwatt.server.http.pool import JobResult
 from tripwatt.server.http.settings import Settings
 from tripwatt.study.synthetic import synthetic_fleet
 
@@ -56,6 +57,25 @@ def test_a_car_that_cannot_learn_is_tried_again_later_and_later(
     asyncio.run(run())
     assert (asked, slept) == (["leaf"] * 3, [module.FIRST_DELAY_S, 2.0 * module.FIRST_DELAY_S])
     assert (learning._teaching, learning._news) == ({}, set())
+
+
+@pytest.mark.parametrize("status", [200, 422])
+def test_trips_are_learned_when_the_worker_has_learned_them(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, status: int
+) -> None:
+    """Not before: the next trip of the car would be asked for at once again."""
+
+    async def start() -> None:
+        pass
+
+    async def learn(*_: object, **__: object) -> JobResult:
+        await asyncio.sleep(0.01)
+        return JobResult(status, b"{}", 0.0)
+
+    learning = LearningCars(Settings(cars=tmp_path), print)
+    monkeypatch.setattr(learning.learners, "start", start)
+    monkeypatch.setattr(learning.learners, "run", learn)
+    assert asyncio.run(learning.learn_finished("leaf")) == (status == 200)
 
 
 @pytest.fixture
