@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -9,6 +11,7 @@ import pytest
 from tests.support.command import Run
 
 from tripwatt.server.cars import create_car, open_car
+from tripwatt.server.cars.car_file import FILE
 from tripwatt.study.synthetic import VEHICLE, synthetic_fleet
 
 pytest.importorskip("deltalake", reason="needs the extra tripwatt[fleet]")
@@ -65,3 +68,34 @@ def test_a_car_learns_a_power_without_a_listed_name(run: Run, tmp_path: Path, da
     assert run("car", "add", tmp_path / "car", logs).code == 0
     diary = open_car(tmp_path / "car").diary.table
     assert sorted(diary["energy_wh"]) == pytest.approx([1555.0, 2303.0, 5840.0], rel=0.001)
+
+
+def test_a_damaged_car_is_listed_with_its_fault_beside_the_sound_ones(run: Run, tmp_path: Path) -> None:
+    cars = tmp_path / "cars"
+    for name in ("leaf", "zoe"):
+        create_car(cars / name, VEHICLE)
+    sound = run("car", "list", cars)
+    assert (sound.code, sound.out.splitlines()) == (
+        0,
+        [f"{name}: BMW i3 60 Ah, 0 trips, 0 in the diary" for name in ("leaf", "zoe")],
+    )
+    shutil.copytree(cars / "leaf", cars / "leaf (copy)")
+    (cars / "zoe" / FILE).write_bytes(b"no database" * 1000)
+    (cars / "unfinished").mkdir()
+    (cars / "unfinished" / FILE).touch()
+    (cars / "empty").mkdir()
+    (cars / "notes.txt").write_text("mine")
+    found = run("car", "list", cars, "--json")
+    document = json.loads(found.out)
+    assert found.code == 1
+    assert [car["car"] for car in document["cars"]] == ["leaf"]
+    assert {name: faults[0]["what"] for name, faults in document["damaged"].items()} == {
+        "leaf (copy)": "name cannot be used",
+        "unfinished": "not a car",
+        "zoe": "damaged file",
+    }
+    shown = run("car", "list", cars).out
+    assert "leaf: BMW i3 60 Ah" in shown
+    assert "zoe: damaged file" in shown
+    missing = run("car", "list", tmp_path / "none")
+    assert (missing.code, "cannot read the folder" in missing.err) == (2, True)

@@ -13,7 +13,7 @@ from tripwatt.command import shared
 from tripwatt.command.options import Answer, argument, flag, make_group, option
 from tripwatt.command.printing import console, kwh, print_notes, print_reading, print_table, progress, say
 from tripwatt.command.sentences import change, share
-from tripwatt.errors import raise_faults
+from tripwatt.errors import raise_faults, system_errors
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -120,10 +120,9 @@ def show(
 
 
 def _show(about: Mapping[str, Any], table: pd.DataFrame) -> None:
-    who, counted = f"{about['label']}: {about['title']}", about["in_diary"]
-    say(f"{who}, {about['trips']} trips, {counted} in the diary")
+    say(_in_short(about, about["label"]))
     print_notes(f"not in the diary: {trip}: {why}" for trip, why in about["left_out"].items())
-    if not counted:
+    if not about["in_diary"]:
         say("Add trips with `tripwatt car add`.")
         return
     _show_learned(about)
@@ -148,6 +147,28 @@ def _show(about: Mapping[str, Any], table: pd.DataFrame) -> None:
         for row in table.to_dict("records")
     ]
     print_table(f"Last {len(listed)} trips", columns, listed, numbers=columns[2:])
+
+
+def list_(folder: Annotated[Path, argument("CARS", "Folder with the folders of cars.")]) -> Answer:
+    """List the cars of a folder. A damaged one is listed with its fault beside the others, and the exit code is then 1.
+
+    For example:
+
+      # the cars of `tripwatt serve --cars cars`
+      tripwatt car list cars
+    """
+    from tripwatt.server.cars.folder import describe_cars, holds_car
+
+    with system_errors("cannot read the folder", f"{folder}", "a folder with folders of cars"):
+        cars, damaged = describe_cars(filter(holds_car, sorted(folder.iterdir())))
+    lines = [_in_short(about, about["car"]) for about in cars]
+    lines += [f"{place.name}: {error}" for place, error in damaged.items()]
+    faults = {place.name: [fault.texts for fault in error.faults] for place, error in damaged.items()}
+    return Answer({"cars": cars, "damaged": faults}, partial(say, *lines), code=len(damaged) > 0)
+
+
+def _in_short(about: Mapping[str, Any], name: str) -> str:
+    return f"{name}: {about['title']}, {about['trips']} trips, {about['in_diary']} in the diary"
 
 
 def token(car: Annotated[Path, argument("CAR", "Folder of the car; made where it is missing.")]) -> Answer:
@@ -252,5 +273,5 @@ def _seen(degc: tuple[float, float] | None) -> str:
 
 CAR = make_group(
     "Your own car: its trips, the model that is adapted to them, and its diary.",
-    (new, add, show, token, forget),
+    (new, add, list_, show, token, forget),
 )

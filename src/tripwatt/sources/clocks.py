@@ -67,12 +67,8 @@ def decide_format(files: Sequence[Sequence[str]], form: str) -> str:
     forms = [form]
     if clock_only(form) or not ends:
         return form
-    if (
-        not form
-        or pd.to_datetime(pd.Series(ends), format=form, errors="coerce", utc=True).isna().mean() > 0.5
-    ):
-        if not form and np.isnan(seconds_of(pd.Series(ends, dtype=object), "")).mean() <= 0.5:
-            return form
+    shown = pd.Series(ends, dtype=object)
+    if np.isnan(seconds_of(shown, form)).mean() > 0.5:
         other = stamp_format(ends)
         forms = [form if other is None else other[0]]
     if {"%d", "%m"} <= set(re.findall("%.", forms[0])) and not forms[0].startswith("%Y"):
@@ -80,7 +76,7 @@ def decide_format(files: Sequence[Sequence[str]], form: str) -> str:
     starts = [next((text for text in texts if text), "") for texts in files]
     fits, spans = [], []
     for candidate in forms:
-        fits.append(float(np.isfinite(seconds_of(pd.Series(ends, dtype=object), candidate)).mean()))
+        fits.append(float(np.isfinite(seconds_of(shown, candidate)).mean()))
         at = seconds_of(pd.Series(starts, dtype=object), candidate)
         spans.append(float(np.abs(np.diff(at[np.isfinite(at)])).sum()))
     # 0.3: the order of day and month is changed if this shortens the total time between files to below

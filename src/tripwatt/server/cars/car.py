@@ -284,9 +284,8 @@ class Car(LiveCar):
         is_current = bool(parts) and json.loads(parts[METADATA])["format_version"] == FORMAT_VERSION
         stored = model_of_parts(parts) if is_current else None
         base = self.file.setting("base")
-        return Learner(
-            self.vehicle, base and Path(base), TripSet(self.name, self.logs()), self.diary.trip_ids, stored
-        )
+        logs = TripSet(self.name, self.logs())
+        return Learner(self.vehicle, base and Path(base), logs, self.diary.trip_ids, stored)
 
     def _learn(
         self, names: Iterable[str], counts: Learned, refused: Mapping[str, str], progress: Progress | None
@@ -349,6 +348,7 @@ class Car(LiveCar):
                 "car": self.name,
                 "label": self.label,
                 "folder": f"{self.folder}",
+                "has_token": self.file.setting("token") is not None,
                 "vehicle": self.vehicle.name,
                 "title": self.vehicle.title,
                 "trips": trips,

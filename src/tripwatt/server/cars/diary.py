@@ -340,9 +340,8 @@ class Diary:
         dict of str to float
             Cause -> energy [Wh]; `not_forecast` is measured less forecast energy. Empty if no forecast is by cause.
         """
-        causes = {
-            name: float(self.table[column].sum()) for column, name in causes_of(map(str, self.table)).items()
-        }
+        columns = causes_of(map(str, self.table))
+        causes = {name: float(self.table[column].sum()) for column, name in columns.items()}
         if causes:
             causes["not_forecast"] = float((self.table["energy_wh"] - self.table["forecast_wh"]).sum())
         return causes

@@ -6,6 +6,7 @@ import hashlib
 import re
 import secrets
 import unicodedata
+from collections.abc import Iterable
 from contextlib import ExitStack
 from functools import partial
 from glob import escape
@@ -20,7 +21,7 @@ from tripwatt.population.cars import for_car
 from tripwatt.server.cars import older
 from tripwatt.server.cars.car import Car
 from tripwatt.server.cars.car_file import FILE, FORGET, CarFile
-from tripwatt.server.cars.live_car import CLOSE, VALID_NAME, make_car_folder
+from tripwatt.server.cars.live_car import CLOSE, VALID_NAME, make_car_folder, require_valid_name
 from tripwatt.vehicles import Vehicle, load_vehicle
 
 UPLOADS: Final = "uploads"
@@ -76,9 +77,8 @@ def create_car(
     car = vehicle if isinstance(vehicle, Vehicle) else load_vehicle(vehicle)
     entries = {entry.name for entry in path.iterdir()} if path.is_dir() else set[str]()
     foreign = {name for name in entries if name not in (FILE, older.LIVE) and not name.startswith(f"{FILE}-")}
-    in_use = Fault(
-        "folder in use", f"{path}", "not empty", "a new or empty folder, or that of a car on the road"
-    )
+    allowed = "a new or empty folder, or that of a car on the road"
+    in_use = Fault("folder in use", f"{path}", "not empty", allowed)
     if foreign or (path.exists() and not path.is_dir()) or is_car(path):
         raise InvalidInput(in_use)
     root = None if base is None else Path(base).resolve()
@@ -147,6 +147,25 @@ def open_car(folder: Path | str) -> Car:
             got, fix = "a car that was not finished", FORGET
         raise InvalidInput.of("not a car", f"{path}", got, "a folder of `tripwatt car new`", fix)
     return Car(path)
+
+
+def describe_cars(folders: Iterable[Path]) -> tuple[list[dict[str, Any]], dict[Path, InvalidInput]]:
+    """Describe cars, as `Car.about`; those that cannot be read are given with their faults. Cars that only send on the road are left out.
+
+    Examples
+    --------
+    >>> describe_cars([])
+    ([], {})
+    """
+    cars, damaged = [], {}
+    for folder in folders:
+        try:
+            if is_car(folder) or not CarFile(folder).is_finished:
+                require_valid_name(folder)
+                cars.append(open_car(folder).about())
+        except InvalidInput as error:
+            damaged[folder] = error
+    return cars, damaged
 
 
 def holds_car(folder: Path) -> bool:

@@ -57,9 +57,7 @@ def usual_departure(earlier_s: Iterable[float], departure_s: float) -> float | N
     >>> usual_departure([monday, monday + 3600.0], monday + 86_400.0 + 900.0) == monday
     True
     """
-    near = [
-        (earlier, away) for earlier in earlier_s if (away := _difference_s(earlier, departure_s)) <= NEAR_S
-    ]
+    near = [(earlier, away) for earlier in earlier_s if (away := _apart_s(earlier, departure_s)) <= NEAR_S]
     same_kind = [pair for pair in near if _is_weekend(pair[0]) == _is_weekend(departure_s)]
     return min(same_kind or near, key=lambda pair: (pair[1], -pair[0]), default=(None, 0.0))[0]
 
@@ -91,7 +89,7 @@ def usual_plan(car: HasTrips, trip_id: str) -> Plan:
     return replace(Plan.from_trip(trips[0]), departure=Departure())
 
 
-def _difference_s(one_s: float, other_s: float) -> float:
+def _apart_s(one_s: float, other_s: float) -> float:
     """Return the difference between two times of day [s], over midnight if that is shorter."""
     apart = abs(_time_of_day_s(one_s) - _time_of_day_s(other_s))
     return min(apart, SECONDS_PER_DAY - apart)

@@ -25,8 +25,8 @@ from tripwatt.forecasting.plausible import absurd_energy
 from tripwatt.server import cars as live
 from tripwatt.server.cars.car_file import CarFile
 from tripwatt.server.cars.diary import causes_of
-from tripwatt.server.cars.folder import UPLOADS, folder_name, holds_car, setting_of
-from tripwatt.server.cars.live_car import VALID_NAME, require_valid_name
+from tripwatt.server.cars.folder import UPLOADS, describe_cars, folder_name, holds_car, setting_of
+from tripwatt.server.cars.live_car import VALID_NAME
 from tripwatt.server.http.car_schemas import CarResponse, CarSummary, LogsRequest, plain
 from tripwatt.server.http.problems import MAX_FAULTS, Problem, fault_document
 from tripwatt.sources.archives import unpack
@@ -93,18 +93,10 @@ class CarJobs:
 
     def list(self) -> dict[str, Any]:
         """Return the cars, as `CarsResponse`; one that cannot be read is listed with its faults beside the others."""
-        cars: list[dict[str, Any]] = []
-        damaged: dict[str, list[dict[str, str]]] = {}
-        for folder in self.folders():
-            try:
-                if live.is_car(folder) or not CarFile(folder).is_finished:  # others only send on the road
-                    require_valid_name(folder)
-                    car = live.open_car(folder)
-                    cars.append(_summary(car, car.about(), CarSummary))
-            except InvalidInput as error:
-                faults = _without_folder(error, folder.parent).faults
-                damaged[folder.name] = [*map(fault_document, faults)]
-        return {"cars": None if self.folder is None else cars, "damaged": damaged}
+        described, unread = describe_cars(self.folders())
+        cars = None if self.folder is None else [_summary(about, CarSummary) for about in described]
+        faults = {place.name: _without_folder(error, place.parent).faults for place, error in unread.items()}
+        return {"cars": cars, "damaged": {name: [*map(fault_document, its)] for name, its in faults.items()}}
 
     def show(self, name: str, limit: int = 200, before: str | None = None) -> dict[str, Any]:
         """Return a car and the last `limit` entries of its diary, those before a trip, as `CarResponse` without `learning`."""
@@ -113,7 +105,7 @@ class CarJobs:
         description = car.about(diary)
         table = diary.table if before is None else diary.table[: diary.table["trip_id"].eq(before).argmax()]
         rows = table.tail(limit).iloc[::-1].to_dict("records")
-        return {**_summary(car, description, CarResponse), "diary": [_diary_entry(row, car) for row in rows]}
+        return {**_summary(description, CarResponse), "diary": [_diary_entry(row, car) for row in rows]}
 
     def create(self, name: str, vehicle: Vehicle | str) -> dict[str, Any]:
         """Make a car, and return it as `show`."""
@@ -399,10 +391,9 @@ def _learned_document(learned: live.Learned) -> dict[str, Any]:
     return {**asdict(learned), "left_out": list(learned.left_out[:20])}
 
 
-def _summary(car: live.Car, description: Mapping[str, Any], model: type[BaseModel]) -> dict[str, Any]:
-    """Return the fields of `description` that a response has, with the name of the car and whether it has a token."""
-    fields = {key: description[key] for key in model.model_fields if key in description}
-    return {"name": car.name, "has_token": car.file.setting("token") is not None, **fields}
+def _summary(about: Mapping[str, Any], model: type[BaseModel]) -> dict[str, Any]:
+    """Return the fields of `Car.about` that a response has, with the name of the car."""
+    return {"name": about["car"], **{key: about[key] for key in model.model_fields if key in about}}
 
 
 def _sizes(folder: Path) -> list[int]:
