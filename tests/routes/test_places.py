@@ -100,3 +100,16 @@ def test_coordinates_of_no_place_are_refused():
 def test_places_of_one_name_that_lie_together_are_one() -> None:
     village, office, far = (Place(47.1 + d, 9.5, "Vaduz", "village") for d in (0.0, 0.01, 1.0))
     assert without_twins([village, office, far]) == (village, far)
+
+
+@pytest.mark.parametrize(
+    ("kind", "other", "described"),
+    [
+        ("", "", "Oslo"),
+        ("city", "", "Oslo (city)"),
+        ("", "Christiania", "Oslo (also called Christiania)"),
+        ("capital_city", "Christiania", "Oslo (capital city, also called Christiania)"),
+    ],
+)
+def test_a_place_is_described_by_what_is_known_of_it(kind, other, described):
+    assert Place(59.91, 10.75, "Oslo", kind, other).described == described
