@@ -46,7 +46,8 @@ def energies(folder: Path) -> list[float]:
         ("02_grouping_separators/quoted", 0.001),
         ("03_height_zero_at_ends/logs_first6s", 0.001),
         ("03_height_zero_at_ends/logs_right", 0.001),
-        # the charge depends on the losses in the battery; its steps are those of 0.5 %
+        # the charge counts what the battery loses as heat, most in the second drive, at 0 °C, and its capacity may be another one;
+        # neither can be read from these files, and the stated standard error is 5 %
         ("10_soc_bms/bms", 0.07),
         ("10_soc_bms/display", 0.07),
     ],

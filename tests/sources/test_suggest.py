@@ -409,6 +409,7 @@ HILLS = {"gentle": (8.0, 4000.0), "steep": (80.0, 6000.0)}
         ("offset", True),
         ("some heights of zero", True),
         ("a gap", True),
+        ("a clock set back", True),
         ("wrong sign", False),
         ("another column", False),
         ("ten times", False),
@@ -430,6 +431,8 @@ def test_grades_that_contradict_the_heights_are_a_fault_of_the_log(tmp_path, hil
             height[rng.random(3000) < 0.05] = 0.0
         case "a gap":
             time = time + 7200.0 * (time > 1400.0)
+        case "a clock set back":
+            time = time - 600.0 * (time > 1400.0)
         case "wrong sign":
             grade = -grade
         case "another column":

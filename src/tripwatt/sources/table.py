@@ -278,7 +278,7 @@ def _contradictions(log: Log, energy_by_charge: float) -> Iterator[Fault]:
     if len(columns) < len(names) or rows.mean() < 0.5:
         return
     time, speed, grade, height = columns[:, rows]
-    driven = distance_driven(running_sum(np.minimum(np.diff(time), LONGEST_GAP_S)), speed)
+    driven = distance_driven(running_sum(np.clip(np.diff(time), 0.0, LONGEST_GAP_S)), speed)
     by_grade = distance_driven(driven, grade)  # the integral of the grade over the way
     at_m = np.arange(0.0, driven[-1], 1000.0)
     if len(at_m) < 6:  # five climbs of a kilometre
