@@ -25,13 +25,9 @@ def vocabulary() -> dict[str, Any]:
 @cache
 def column_names() -> Mapping[str, tuple[str, ...]]:
     """Our columns in the order in which they are searched -> patterns of the names that loggers use, the likeliest first."""
-    pack = vocabulary()["pack"]
-    return MappingProxyType(
-        {
-            ours: tuple(name.replace("PACK", pack) for name in about["names"])
-            for ours, about in vocabulary()["columns"].items()
-        }
-    )
+    pack, columns = vocabulary()["pack"], vocabulary()["columns"].items()
+    names = {ours: tuple(name.replace("PACK", pack) for name in about["names"]) for ours, about in columns}
+    return MappingProxyType(names)
 
 
 @cache
