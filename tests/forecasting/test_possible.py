@@ -113,3 +113,10 @@ def test_what_is_no_trip_is_refused_with_what_makes_one(trip):
         InvalidInput, match=r"unknown type: trip: got .*allowed: a Plan or a Trip; make a plan with"
     ):
         tw.load_model().forecast(trip)
+
+
+def test_what_is_no_departure_is_quoted_in_short():
+    road = tw.read_route([{"length_m": 5000.0, "speed_m_s": 15.0}])
+    with pytest.raises(InvalidInput) as caught:
+        tw.load_model().forecast(road, "x" * 100)
+    assert caught.value.faults[0].got == "'" + "x" * 39

@@ -272,3 +272,27 @@ def test_a_client_is_its_settings(monkeypatch):
     assert used == fresh
     assert repr(used) == repr(fresh)
     assert "ransport" not in repr(used)
+
+
+@pytest.mark.parametrize("most", [3, 100])
+def test_an_answer_is_closed_whether_it_is_read_to_its_end_or_not(monkeypatch, most):
+    """Else its connection is never used again."""
+
+    class Parts(httpx.SyncByteStream):
+        closed = False
+
+        def __iter__(self):
+            yield from (b"[1,", b" 2]")
+
+        def close(self):
+            self.closed = True
+
+    parts = Parts()
+    monkeypatch.setattr(web, "MAX_ANSWER_BYTES", most)
+    asked = client(lambda _: httpx.Response(200, stream=parts))
+    if most == 3:
+        with pytest.raises(RemoteError, match="answer too large"):
+            asked.get_json("/")
+    else:
+        assert asked.get_json("/") == [1, 2]
+    assert parts.closed
