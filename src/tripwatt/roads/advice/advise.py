@@ -313,7 +313,7 @@ def advise(
     trials = _Trials(forecast, reserve)
     leaves = forecast.plan.departure.departs_at or now
     left_s = math.inf if now is None or leaves is None else max((leaves - now).total_seconds(), 0.0)
-    is_short = (wholes[0].p_reserve if wholes else p_arrive) < chance and forecast.soc_arrival < reserve
+    is_short = (wholes[0].p_reserve if wholes else p_arrive) < probability and forecast.soc_arrival < reserve
     candidates = [trials.with_actions(one) for one in actions(forecast, is_short) if one.before_s <= left_s]
     candidates += [trials.compared((action,), way, forecast) for action, way in ways]
     least_wh = max(_MIN_SAVED_WH, _MIN_SAVED_SHARE * forecast.energy_wh)
