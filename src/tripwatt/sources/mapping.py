@@ -54,9 +54,9 @@ _TEMPERATURE: Final = (
     | _units("degf °f f", 5.0 / 9.0, -160.0 / 9.0)
 )
 _FRACTION: Final = _units("1 fraction", 1.0) | _units("% percent", 0.01) | _units("ppm", 1e-6)
+# some loggers write power as a number of steps of 50, 100 or 250 W
 _WATT: Final = {"w": (1.0, 0.0), "kw": (1000.0, 0.0), "hp": (745.699872, 0.0), "ps": (735.49875, 0.0)} | {
-    f"{step}w": (float(step), 0.0)
-    for step in (50, 100, 250)  # some loggers write power as a number of steps of this many watts
+    f"{step}w": (float(step), 0.0) for step in (50, 100, 250)
 }
 
 TIME_STAMPS: Final = {"timestamp": math.nan, "epoch_s": 1.0, "epoch_ms": 1e-3}

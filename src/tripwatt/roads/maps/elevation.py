@@ -233,9 +233,8 @@ def _read(path: Path) -> Heights:
     try:
         content = read_file(path, 2 * limit, what="cannot read the elevation tile", allowed="a tile of SRTM")
         if path.name.lower().endswith(".zip"):
-            archive = open_archive(
-                content, Budget(path.name), max_ratio=limit
-            )  # a tile of the sea is nothing but zeros
+            # a tile of the sea is nothing but zeros
+            archive = open_archive(content, Budget(path.name), max_ratio=limit)
             inside = [name for name in archive.namelist() if name.lower().endswith(".hgt")]
             content = archive.open(inside[0] if inside else "*.hgt").read(limit)
         elif path.name.lower().endswith(".gz"):

@@ -302,10 +302,8 @@ def preview_logs(fleet: TripSet, audited: Audit) -> dict[str, Any]:
         "ambient_degc": [min(temperatures), max(temperatures)] if temperatures else None,
         "lost_distance_m": audited.lost_distance_m,
         "lost_duration_s": audited.lost_duration_s,
-        "findings": [
-            {**asdict(group), "consequence": consequence}
-            for consequence, group in audited.groups()[:40]  # those that cost most come before
-        ],
+        # those that cost most come before
+        "findings": [{**asdict(group), "consequence": why} for why, group in audited.groups()[:40]],
     }
 
 

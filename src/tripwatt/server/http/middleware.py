@@ -187,21 +187,19 @@ class _Exchange:
             await send(message)
 
         try:
-            try:
-                middleware.check(self.scope, self.headers)
-                if self.scope["method"] == "HEAD":  # as GET; the server leaves out the body
-                    self.scope = {**self.scope, "method": "GET", "was_head": True}
-                await middleware.app(self.scope, receive, send_on)
-            except Problem as problem:
-                if (
-                    problem.kind == "foreign-site"
-                ):  # a page that repeats it at once takes the time of the loop
-                    await asyncio.sleep(FOREIGN_PAUSE_S)
-                await self._respond(problem, receive, send_on)
-            except Exception as exception:
-                error = repr(exception)
-                if not self.finished:
-                    await self._respond(Problem("internal"), receive, send_on)
+            middleware.check(self.scope, self.headers)
+            if self.scope["method"] == "HEAD":  # as GET; the server leaves out the body
+                self.scope = {**self.scope, "method": "GET", "was_head": True}
+            await middleware.app(self.scope, receive, send_on)
+        except Problem as problem:
+            # a page that repeats it at once takes the time of the loop
+            if problem.kind == "foreign-site":
+                await asyncio.sleep(FOREIGN_PAUSE_S)
+            await self._respond(problem, receive, send_on)
+        except Exception as exception:
+            error = repr(exception)
+            if not self.finished:
+                await self._respond(Problem("internal"), receive, send_on)
         finally:
             middleware.metrics.running.dec()
             self._log(error)
