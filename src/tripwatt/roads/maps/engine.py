@@ -9,9 +9,9 @@ from __future__ import annotations
 import importlib.util
 import json
 import os
+import runpy
 import shutil
 import subprocess
-import sys
 import tarfile
 from collections.abc import Mapping
 from pathlib import Path
@@ -92,17 +92,8 @@ def configuration(folder: Path) -> dict[str, Any]:
 
 def _defaults(package: Path) -> dict[str, Any]:
     """Load the default configuration of the installed release by the path of its module, since its package may be of another Python."""
-    path = package / "valhalla_build_config.py"
-    spec = importlib.util.spec_from_file_location("tripwatt_valhalla_defaults", path)
-    if spec is None or spec.loader is None:
-        raise InvalidInput.of("damaged installation", str(path), "no configuration", fix=INSTALL)
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[spec.name] = module  # its dataclasses look themselves up
-    try:
-        spec.loader.exec_module(module)
-    finally:
-        sys.modules.pop(spec.name, None)
-    return _given(module.config, module.Optional)
+    module = runpy.run_path(str(package / "valhalla_build_config.py"))
+    return _given(module["config"], module["Optional"])
 
 
 def _given(values: Mapping[str, Any], unset: type) -> dict[str, Any]:
