@@ -5,12 +5,10 @@ from __future__ import annotations
 import itertools
 import json
 import sqlite3
-import sys
 from collections import defaultdict
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import closing, contextmanager
 from dataclasses import astuple, dataclass
-from functools import cached_property
 from pathlib import Path
 from typing import Any, Final
 
@@ -256,6 +254,11 @@ class PlaceIndex:
     path : Path
         File written by `write_index`.
 
+    Attributes
+    ----------
+    first_street : float
+        First id after those of all settlements.
+
     Raises
     ------
     InvalidInput
@@ -267,7 +270,9 @@ class PlaceIndex:
         with self._damage_is_a_fault():
             uri = f"{path.resolve().as_uri()}?mode=ro"
             self.database = sqlite3.connect(uri, uri=True, check_same_thread=False)
-            self.database.execute("SELECT count(*) FROM stations").fetchone()
+            # places are written in the order of their kinds
+            first = "SELECT ifnull(min(id), 1e18) FROM places WHERE kind >= ?"
+            (self.first_street,) = self.database.execute(first, (SETTLEMENT,)).fetchone()
 
     @contextmanager
     def _damage_is_a_fault(self) -> Iterator[None]:
@@ -347,7 +352,7 @@ class PlaceIndex:
             rows = self.database.execute(
                 "SELECT kind, name, latitude, longitude FROM places WHERE id < ? AND latitude BETWEEN ? AND ? "
                 "AND longitude BETWEEN ? AND ? ORDER BY id LIMIT ?",
-                (self._first_street, south, north, west, east, limit),
+                (self.first_street, south, north, west, east, limit),
             ).fetchall()
             return tuple(Place(lat, lon, name, KINDS[kind]) for kind, name, lat, lon in rows)
 
@@ -362,14 +367,6 @@ class PlaceIndex:
                 ends.ravel().tolist(),
             ).fetchall()
         return KnownHeights.from_rows(rows)
-
-    @cached_property
-    def _first_street(self) -> int:
-        """First id after those of all settlements; places are written in the order of their kinds."""
-        row = self.database.execute(
-            "SELECT id FROM places WHERE kind >= ? ORDER BY id LIMIT 1", (SETTLEMENT,)
-        ).fetchone()
-        return sys.maxsize if row is None else int(row[0])
 
     def stations(self) -> tuple[Station, ...]:
         """Return all charging stations."""
