@@ -32,6 +32,7 @@ from tripwatt.roads.journey import (
 )
 from tripwatt.roads.maps import MapFolder, build_map
 from tripwatt.roads.maps.engine import valhalla_folder
+from tripwatt.roads.routers.road import Road
 from tripwatt.roads.routers.servers import OsrmRouter
 from tripwatt.routes import route_from_links
 from tripwatt.routes.documents import Node
@@ -53,9 +54,9 @@ def cutting() -> Iterator[Row]:
     )
     plans = []
     for answer in _osrm_answers():
-        parts = OsrmRouter.read_parts(Node(answer, "benchmark"))
+        leg = OsrmRouter.read_leg(Node(answer, "benchmark"))
         stops = (Place(47.0, 9.0), Place(47.0, 9.3))
-        plans.append(model.forecast(parts.road(stops).plan(), departure).energy_wh)
+        plans.append(model.forecast(Road.from_legs([leg], stops).plan(), departure).energy_wh)
     yield Row(
         "OSRM by annotation against by steps: change of the energy", abs(plans[0] / plans[1] - 1.0), most=0.02
     )

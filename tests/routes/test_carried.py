@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import tripwatt as tw
+from tripwatt.roads.routers.road import Road
 from tripwatt.roads.routers.servers import GraphHopperRouter, OpenRouteServiceRouter, OsrmRouter
 from tripwatt.routes import LinkRoute, parse_route
 from tripwatt.routes.carried import driven_positions, pauses_of
@@ -94,8 +95,8 @@ def test_a_ferry_of_a_saved_answer_is_not_driven(router, answer):
     ],
 )
 def test_a_ferry_of_a_server_is_not_driven_and_stays_on_the_map(router, answer, key):
-    parts = router.read_parts(Node(answer[key][0], "answer"))
-    road = parts.road((Place(DEGREES[0], 5.0), Place(DEGREES[-1], 5.0)))
+    leg = router.read_leg(Node(answer[key][0], "answer"))
+    road = Road.from_legs([leg], (Place(DEGREES[0], 5.0), Place(DEGREES[-1], 5.0)))
     assert (road.distance_m, road.duration_s) == pytest.approx(
         (2 * ROAD_M, 2 * ROAD_S + CROSSING_S), rel=1e-3
     )

@@ -7,7 +7,8 @@ import pytest
 from tests.roads.routers.made import EXACT, HALF_M, NO, A, B, valhalla_router
 
 from tripwatt.errors import InvalidInput, RemoteError
-from tripwatt.roads.routers import Edges, Road, RoadParts, join_edges, road
+from tripwatt.roads.routers import Edges, Road, join_edges, road
+from tripwatt.roads.routers.road import Leg
 from tripwatt.routes.places import Place
 
 DEGREE_M = 6_371_008.8 * math.pi / 180.0
@@ -78,11 +79,8 @@ def line(*longitudes, latitude=0.0):
 
 def made(*legs, stops=None):
     """A road on the equator of legs (edges, line, heights)."""
-    parts = RoadParts()
-    for leg in legs:
-        parts.add(*leg)
     first, last = legs[0][1][0], legs[-1][1][-1]
-    return parts.road(stops or [Place(*first), Place(*last)])
+    return Road.from_legs([Leg(*leg) for leg in legs], stops or [Place(*first), Place(*last)])
 
 
 def test_the_way_that_a_car_looks():

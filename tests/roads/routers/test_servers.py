@@ -121,15 +121,15 @@ def outcome(router):
 
 
 def osrm_leg(route):
-    return OsrmRouter.read_parts(Node(route, "x"))
+    return OsrmRouter.read_leg(Node(route, "x"))
 
 
 def graphhopper_path(path):
-    return GraphHopperRouter.read_parts(Node(path, "x"))
+    return GraphHopperRouter.read_leg(Node(path, "x"))
 
 
 def openrouteservice_feature(feature):
-    return OpenRouteServiceRouter.read_parts(Node(feature, "x"))
+    return OpenRouteServiceRouter.read_leg(Node(feature, "x"))
 
 
 def asked(kind, document, stops=(A, B), **more):
@@ -222,10 +222,9 @@ EQUATOR = {"type": "LineString", "coordinates": [[0.0, 0.0], [0.01, 0.0]]}
 
 def osrm_edges(*legs):
     """Length, time and speed of each edge."""
-    parts = osrm_leg({"legs": list(legs), "geometry": EQUATOR})
-    assert parts.heights == [None]
-    assert parts.points[0].tolist() == [[0.0, 0.0], [0.0, 0.01]]
-    (edges,) = parts.edges
+    edges, points, heights = osrm_leg({"legs": list(legs), "geometry": EQUATOR})
+    assert heights is None
+    assert points.tolist() == [[0.0, 0.0], [0.0, 0.01]]
     return [edges.length_m.tolist(), edges.time_s.tolist(), edges.speed_m_s.tolist()]
 
 
@@ -308,23 +307,23 @@ def test_intervals_of_graphhopper_are_edges_on_the_scale_of_the_path():
             road_class=[[0, 1, "primary"], [2, 2, None], [2, 3, "service"]],
         )
     )
-    (edges,) = found.edges
+    edges = found.edges
     np.testing.assert_allclose(edges.length_m, [200.0, 400.0, 0.0, 200.0], rtol=1e-9, atol=1e-6)
     assert edges.time_s.tolist() == [0.5, 40.0, 0.0, 20.0]
     np.testing.assert_allclose(edges.speed_m_s, [NO, 10.0, 10.0, 10.0], **EXACT)
     np.testing.assert_allclose(edges.limit_m_s, [NO, 0.25, NO, NO], **EXACT)
     assert edges.road_class == ("primary", "primary", "service", "service")
     assert edges.signal.tolist() == [False] * 4
-    ((position, height),) = found.heights
+    position, height = found.heights
     np.testing.assert_allclose(position, [0.0, 600.0, 800.0], **EXACT)
     assert height.tolist() == [5.0, 7.0, 9.0]
-    assert found.points[0].tolist() == [[0.0, 0.0], [0.0, 0.01], [0.0, 0.03], [0.0, 0.04]]
+    assert found.points.tolist() == [[0.0, 0.0], [0.0, 0.01], [0.0, 0.03], [0.0, 0.04]]
 
 
 def test_a_speed_and_a_limit_of_one_point_count_there_alone():
     details = {"time": [[0, 1, 9000], [1, 1, 9000], [1, 2, 9000], [2, 3, 9000]]}
     speeds = {"average_speed": [[0, 3, 36.0], [1, 1, 0.9]], "max_speed": [[1, 2, 90.0]]}
-    (edges,) = graphhopper_path(path(line(0.0, 0.01, 0.02, 0.03), 300.0, **details, **speeds)).edges
+    edges = graphhopper_path(path(line(0.0, 0.01, 0.02, 0.03), 300.0, **details, **speeds)).edges
     np.testing.assert_allclose(edges.speed_m_s, [10.0, 0.25, 0.25, 10.0], **EXACT)
     np.testing.assert_allclose(edges.limit_m_s, [NO, 25.0, 25.0, NO], **EXACT)
     assert edges.road_class == ("",) * 4
@@ -334,9 +333,9 @@ def test_a_class_that_is_empty_ends_the_class_before():
     classes = [[0, 1, "primary"], [1, 2, ""], [2, 3, "motorway"]]
     times = [[0, 1, 9], [1, 2, 9], [2, 3, 9]]
     found = graphhopper_path(path(line(0.0, 0.01, 0.02, 0.03), 9.0, time=times, road_class=classes[::-1]))
-    assert found.edges[0].road_class == ("primary", "", "motorway")
+    assert found.edges.road_class == ("primary", "", "motorway")
     later = graphhopper_path(path(line(0.0, 0.01, 0.02), 9.0, time=times[:2], road_class=classes[1:2]))
-    assert later.edges[0].road_class == ("", "")
+    assert later.edges.road_class == ("", "")
 
 
 @pytest.mark.parametrize(
@@ -352,7 +351,7 @@ def test_a_class_that_is_empty_ends_the_class_before():
 def test_the_line_of_a_road_has_its_length(degrees, distance, positions):
     """Also where points repeat, and below a metre."""
     points, n = line(*degrees, heights=[1.0] * len(degrees)), len(degrees)
-    ((found, _),) = graphhopper_path(path(points, distance, time=[[0, n - 1, 9000]])).heights
+    found, _ = graphhopper_path(path(points, distance, time=[[0, n - 1, 9000]])).heights
     np.testing.assert_allclose(found, positions, **EXACT)
     half = {"distance": distance / 2.0, "duration": 4.0}
     feature = {
@@ -360,10 +359,10 @@ def test_the_line_of_a_road_has_its_length(degrees, distance, positions):
         "properties": {"segments": [half, {"steps": [half, {"distance": 0, "duration": 0.5}]}]},
     }
     made = openrouteservice_feature(feature)
-    np.testing.assert_allclose(made.heights[0][0], positions, **EXACT)
-    assert made.edges[0].length_m.tolist() == [distance / 2.0, distance / 2.0, 0.0]
-    assert made.edges[0].time_s.tolist() == [4.0, 4.0, 0.5]
-    assert np.isnan(made.edges[0].speed_m_s).all()
+    np.testing.assert_allclose(made.heights[0], positions, **EXACT)
+    assert made.edges.length_m.tolist() == [distance / 2.0, distance / 2.0, 0.0]
+    assert made.edges.time_s.tolist() == [4.0, 4.0, 0.5]
+    assert np.isnan(made.edges.speed_m_s).all()
 
 
 def test_a_line_that_is_one_point_is_no_road():
@@ -381,12 +380,12 @@ def test_a_line_that_is_one_point_is_no_road():
 def test_one_height_is_enough():
     for heights, known in (([None, None], None), ([None, 8.0], [8.0])):
         points = line(0.0, 0.01, heights=heights)
-        (found,) = graphhopper_path(path(points, 9.0, time=[[0, 1, 9]])).heights
+        found = graphhopper_path(path(points, 9.0, time=[[0, 1, 9]])).heights
         feature = {
             "geometry": {"coordinates": points},
             "properties": {"segments": [{"distance": 9.0, "duration": 1.0}]},
         }
-        (other,) = openrouteservice_feature(feature).heights
+        other = openrouteservice_feature(feature).heights
         assert (found if found is None else found[1].tolist()) == known
         assert (other if other is None else other[1].tolist()) == known
 
@@ -415,7 +414,7 @@ def test_one_height_is_enough():
 def test_intervals_of_graphhopper_follow_each_other(times, what):
     given = path(line(0.0, 0.01, 0.02), 9.0, time=times)
     if what is None:
-        assert len(graphhopper_path(given).edges[0].length_m) == len(times)
+        assert len(graphhopper_path(given).edges.length_m) == len(times)
         return
     with pytest.raises(InvalidInput, match=what):
         graphhopper_path(given)

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Final
 
 from tripwatt.errors import InvalidInput
-from tripwatt.roads.routers.road import Edges, Road, RoadParts, Router, join_edges
+from tripwatt.roads.routers.road import Edges, Road, Router, join_edges
 from tripwatt.roads.routers.servers import GraphHopperRouter, OpenRouteServiceRouter, OsrmRouter
 from tripwatt.roads.routers.valhalla import ValhallaRouter
 from tripwatt.routes.web import require_url
@@ -16,7 +16,6 @@ __all__ = [
     "ROUTER_KINDS",
     "Edges",
     "Road",
-    "RoadParts",
     "Router",
     "ValhallaRouter",
     "is_server",

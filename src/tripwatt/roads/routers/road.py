@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
-from typing import Final, Protocol, Self
+from dataclasses import dataclass, replace
+from typing import Final, NamedTuple, Protocol
 
 import numpy as np
 
@@ -109,6 +109,29 @@ class Road:
     longitude_deg: FloatArray
     position_m: FloatArray
     stop_position_m: tuple[float, ...] = ()
+
+    @classmethod
+    def from_legs(cls, legs: Sequence[Leg], stops: Sequence[Place]) -> Road:
+        """Join legs to a road.
+
+        Raises
+        ------
+        InvalidInput
+            If an end of the road is farther than `FARTHEST_START_M` from its place.
+        RemoteError
+            If links of the road are impossible.
+        """
+        legs_m = [float(leg.edges.length_m.sum()) for leg in legs]
+        points = np.concatenate([leg.points for leg in legs])
+        _require_near_stops(points, stops)
+        with as_remote():
+            edges = _concatenate_edges([leg.edges for leg in legs])
+            links, kinds = join_edges(edges.only(~edges.carried))
+            pauses = pauses_of(edges.length_m, edges.time_s, edges.carried)
+            links = replace(_with_heights(links, [leg.heights for leg in legs], legs_m, edges), pauses=pauses)
+        positions = distances_m(points, sum(legs_m)), np.cumsum(legs_m)[:-1]
+        position, ends = (driven_positions(at, edges.length_m, edges.carried) for at in positions)
+        return cls(links, kinds, points[:, 0], points[:, 1], position, tuple(ends.tolist()))
 
     @property
     def distance_m(self) -> float:
@@ -226,54 +249,20 @@ def _link_starts(edges: Edges, moving_s: FloatArray) -> IntArray:
     return np.array(starts, dtype=np.int64)
 
 
-@dataclass(slots=True)
-class RoadParts:
-    """The legs of one road, collected from the answer of a router."""
+class Leg(NamedTuple):
+    """A leg of a road in the answer of a router: its edges, its line (latitude, longitude), and distances from its start with heights."""
 
-    edges: list[Edges] = field(default_factory=list)
-    points: list[FloatArray] = field(default_factory=list)
-    heights: list[tuple[FloatArray, FloatArray] | None] = field(default_factory=list)
+    edges: Edges
+    points: FloatArray
+    heights: tuple[FloatArray, FloatArray] | None
 
     @classmethod
-    def from_leg(cls, edges: Edges, points: FloatArray, position_m: FloatArray) -> Self:
-        """Make the parts of a road with one leg.
-
-        `points` have columns latitude, longitude and, if known, height; `position_m` are their distances from the start.
-        """
-        parts = cls()
+    def from_points(cls, edges: Edges, points: FloatArray, position_m: FloatArray) -> Leg:
+        """Make a leg of points with columns latitude, longitude and, if known, height, at distances `position_m` from the start."""
         heights = None
         if points.shape[1] > 2 and (has_height := np.isfinite(points[:, 2])).any():
             heights = position_m[has_height], points[has_height, 2]
-        parts.add(edges, points[:, :2], heights)
-        return parts
-
-    def add(self, edges: Edges, points: FloatArray, heights: tuple[FloatArray, FloatArray] | None) -> None:
-        """Add a leg with its edges, its line (latitude, longitude), and its distances from the start and heights, or None."""
-        self.edges.append(edges)
-        self.points.append(points)
-        self.heights.append(heights)
-
-    def road(self, stops: Sequence[Place]) -> Road:
-        """Join the legs to a road.
-
-        Raises
-        ------
-        InvalidInput
-            If an end of the road is farther than `FARTHEST_START_M` from its place.
-        RemoteError
-            If links of the road are impossible.
-        """
-        legs_m = [float(edges.length_m.sum()) for edges in self.edges]
-        points = np.concatenate(self.points)
-        _require_near_stops(points, stops)
-        with as_remote():
-            edges = _concatenate_edges(self.edges)
-            links, kinds = join_edges(edges.only(~edges.carried))
-            pauses = pauses_of(edges.length_m, edges.time_s, edges.carried)
-            links = replace(_with_heights(links, self.heights, legs_m, edges), pauses=pauses)
-        positions = distances_m(points, sum(legs_m)), np.cumsum(legs_m)[:-1]
-        position, ends = (driven_positions(at, edges.length_m, edges.carried) for at in positions)
-        return Road(links, kinds, points[:, 0], points[:, 1], position, tuple(ends.tolist()))
+        return cls(edges, points[:, :2], heights)
 
 
 def _concatenate_edges(parts: Sequence[Edges]) -> Edges:

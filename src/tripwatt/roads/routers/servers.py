@@ -14,7 +14,7 @@ import numpy as np
 
 from tripwatt.arrays import BoolArray, FloatArray
 from tripwatt.errors import InvalidInput, RemoteError
-from tripwatt.roads.routers.road import KEY_NAME, MAX_ROUTES, Edges, Road, RoadParts, no_road, require_stops
+from tripwatt.roads.routers.road import KEY_NAME, MAX_ROUTES, Edges, Leg, Road, no_road, require_stops
 from tripwatt.routes.carried import carried_pieces, carried_points, ferry_steps
 from tripwatt.routes.documents import Node, edge_pieces, intervals, speeds_at_points, step_pieces, steps_of
 from tripwatt.routes.places import Place
@@ -51,16 +51,16 @@ class _ServerRouter:
         require_stops(stops)
         answer = self.request_routes(stops, min(alternatives, MAX_ROUTES - 1) if len(stops) == 2 else 0)
         with as_remote():
-            parts = [self.read_parts(route) for route in answer.entries(min_count=1)[:MAX_ROUTES]]
-        return tuple(part.road(stops) for part in parts)
+            legs = [self.read_leg(route) for route in answer.entries(min_count=1)[:MAX_ROUTES]]
+        return tuple(Road.from_legs([leg], stops) for leg in legs)
 
     def request_routes(self, stops: Sequence[Place], alternatives: int) -> Node:
         """Request the fastest route and other routes, and return the routes of the answer."""
         raise NotImplementedError
 
     @staticmethod
-    def read_parts(route: Node) -> RoadParts:
-        """Return the parts of a route; all its legs together are one part with the whole line."""
+    def read_leg(route: Node) -> Leg:
+        """Return a route as one leg with the whole line."""
         raise NotImplementedError
 
 
@@ -89,8 +89,8 @@ class OsrmRouter(_ServerRouter):
         return answer["routes"]
 
     @staticmethod
-    def read_parts(route: Node) -> RoadParts:
-        """See `_ServerRouter.read_parts`."""
+    def read_leg(route: Node) -> Leg:
+        """See `_ServerRouter.read_leg`."""
         tables, carried = [], []
         for leg in route["legs"].entries(min_count=1):
             is_annotated = isinstance(leg["annotation"].value, dict)
@@ -125,8 +125,8 @@ class GraphHopperRouter(_ServerRouter):
         return answer["paths"]
 
     @staticmethod
-    def read_parts(route: Node) -> RoadParts:
-        """See `_ServerRouter.read_parts`."""
+    def read_leg(route: Node) -> Leg:
+        """See `_ServerRouter.read_leg`."""
         points, details = route["points"]["coordinates"].coordinates(), route["details"]
         n = len(points)
         position = distances_m(points, route["distance"].number(minimum=0.0))
@@ -150,7 +150,7 @@ class GraphHopperRouter(_ServerRouter):
             np.zeros(len(begin), dtype=bool),
             carried_points(details, n)[begin],
         )
-        return RoadParts.from_leg(edges, points, position)
+        return Leg.from_points(edges, points, position)
 
 
 class OpenRouteServiceRouter(_ServerRouter):
@@ -178,8 +178,8 @@ class OpenRouteServiceRouter(_ServerRouter):
         return answer["features"]
 
     @staticmethod
-    def read_parts(route: Node) -> RoadParts:
-        """See `_ServerRouter.read_parts`."""
+    def read_leg(route: Node) -> Leg:
+        """See `_ServerRouter.read_leg`."""
         properties = route["properties"]
         segments = properties["segments"].entries(min_count=1)
         steps = [step for segment in segments for step in steps_of(segment)]
@@ -187,8 +187,8 @@ class OpenRouteServiceRouter(_ServerRouter):
         return _leg_from_table(step_pieces(steps), points, ferry_steps(properties, steps))
 
 
-def _leg_from_table(table: FloatArray, points: FloatArray, carried: BoolArray) -> RoadParts:
+def _leg_from_table(table: FloatArray, points: FloatArray, carried: BoolArray) -> Leg:
     """Make one leg from a table of lengths, times and speeds of edges, shape (edges, 3); points may have heights."""
     table[~(table[:, 2] > 0.0), 2] = np.nan
     edges = Edges.from_speeds(table[:, 0], table[:, 1], table[:, 2], carried)
-    return RoadParts.from_leg(edges, points, distances_m(points, float(table[:, 0].sum())))
+    return Leg.from_points(edges, points, distances_m(points, float(table[:, 0].sum())))

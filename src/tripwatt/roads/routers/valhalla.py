@@ -18,7 +18,7 @@ import numpy as np
 
 from tripwatt.arrays import FloatArray, IntArray
 from tripwatt.errors import InvalidInput
-from tripwatt.roads.routers.road import KEY_NAME, MAX_ROUTES, Edges, Road, RoadParts, no_road, require_stops
+from tripwatt.roads.routers.road import KEY_NAME, MAX_ROUTES, Edges, Leg, Road, no_road, require_stops
 from tripwatt.routes.carried import CARRIED
 from tripwatt.routes.documents import Node
 from tripwatt.routes.places import Place
@@ -175,7 +175,7 @@ class ValhallaRouter:
 
     def _trip_road(self, trip: Node, stops: Sequence[Place]) -> Road:
         """Return the road of a trip, after requests for the edges and heights of each leg."""
-        parts = RoadParts()
+        legs = []
         with as_remote():
             for leg in trip["legs"].entries(min_count=1):
                 shape = leg["shape"].value
@@ -185,8 +185,8 @@ class ValhallaRouter:
                 calls = [partial(self._edge_document, shape, stops), partial(self._height_document, shape)]
                 edge_document, heights = self._call_all(calls)
                 edges, covered = _edges(edge_document, shape, points)
-                parts.add(edges, points, _heights(heights, covered))
-        return parts.road(stops)
+                legs.append(Leg(edges, points, _heights(heights, covered)))
+        return Road.from_legs(legs, stops)
 
     def _call_all(self, calls: Sequence[Callable[[], T]]) -> list[T]:
         """Call functions and return their results; requests to a server run at the same time."""
