@@ -176,21 +176,21 @@ def test_a_car_that_is_moved_a_little_is_on_no_trip(folder: Path) -> None:
 def test_the_usual_trip_is_that_of_this_time_of_day(drive: pd.DataFrame, folder: Path) -> None:
     day_s = 86_400.0
     with Car.follow(folder) as car:
-        assert car.usual_trip() is None
+        assert car.present_plan is None
         fed(car, samples_of(drive))
-        assert car.usual_trip() is None, "a trip is not its own"
+        assert car.present_plan is None, "a trip is not its own"
         ended(car, 600.0)
         fed(car, samples_of(drive.iloc[:200], NOON_S + day_s + 600.0))
-        usual = car.usual_trip()
+        usual = car.present_plan
         assert usual is not None
-        assert usual.trip_id == car.logs()[0].trip_id
-        assert car.usual_trip() is usual, "it is read once"
+        assert usual.usual_trip == car.logs()[0].trip_id
+        assert car.present_plan is usual, "it is read once"
         fed(car, [Sample(NOON_S + day_s + 1000.0 + k, {"speed_m_s": 30.0}) for k in range(400)])
-        assert car.usual_trip() is None, "the car goes elsewhere"
+        assert car.present_plan is None, "the car goes elsewhere"
         ended(car, day_s + 1400.0)
         fed(car, samples_of(drive.iloc[:200], NOON_S + day_s + 5.0 * 3600.0))
         assert car.trip is not None
-        assert car.usual_trip() is None
+        assert car.present_plan is None
 
 
 def test_the_departure_is_what_the_first_samples_show(drive: pd.DataFrame, folder: Path) -> None:

@@ -74,7 +74,7 @@ class Car(LiveCar):
     >>> with tempfile.TemporaryDirectory() as folder, Car.follow(Path(folder, "my-leaf")) as car:
     ...     print([car.record(Sample(1.7e9 + 10.0 * k, {"speed_m_s": 10.0, "displayed_soc": 0.8})) for k in range(4)])
     ...     print(car.observed().shape, car.departure().soc, car.shown(1.7e9 + 60.0)["seconds_since_message"] is None)
-    ...     print(car.usual_trip(), car.usual_trip_at(1.7e9))
+    ...     print(car.present_plan, car.usual_trip_at(1.7e9))
     ...     car.set_plan({"links": []})
     ...     print(car.plan.request, car.at_departure(), car.document(1.7e9)["forecast"])
     ...     print(car.end_when_silent(1.7e9), car.logs())

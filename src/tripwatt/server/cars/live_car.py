@@ -87,8 +87,8 @@ class LiveCar(Recorder):
         self._open = ExitStack()
         self._listening_s = self._erased_s = -math.inf
         self._messages = self._plans = 0
-        # departure of a trip, its usual trip, and the road of the usual trip
-        self._usual: tuple[float, Log | None, LivePlan | None] | None = None
+        # departure of a trip, and the road of its usual trip
+        self._usual: tuple[float, LivePlan | None] | None = None
 
     def _resume(self) -> None:
         """Lock the folder, and take the stored samples again that belong to no finished trip."""
@@ -287,31 +287,19 @@ class LiveCar(Recorder):
         self._usual = None
         return old
 
-    def usual_trip(self) -> Log | None:
-        """Find the finished trip whose departure is nearest by time of day to that of the current trip.
-
-        O(finished trips) in the first call of a trip.
-
-        Returns
-        -------
-        Log or None
-            None if the car is on no trip, no departure is within `NEAR_S`, or the car has driven further than `LONGER` allows.
-        """
-        trip = self.trip
-        if trip is None:
-            return None
-        if self._usual is None or self._usual[0] != trip.start_s:
-            log = self.usual_trip_at(trip.start_s)
-            self._usual = trip.start_s, log, None if log is None else LivePlan.from_trip(log)
-        log = self._usual[1]
-        return None if log is None or trip.distance_m > LONGER * log.distance_m else log
-
     @property
     def present_plan(self) -> LivePlan | None:
-        """The plan that was given, else the road of the usual trip; None without either."""
-        if self.plan is None and self.usual_trip() is not None and self._usual is not None:
-            return self._usual[2]
-        return self.plan
+        """The plan that was given, else the road of the usual trip; O(finished trips) when it is first read on a trip.
+
+        None without either, and if the car has driven further than `LONGER` allows.
+        """
+        trip = self.trip
+        if self.plan is not None or trip is None:
+            return self.plan
+        if self._usual is None or self._usual[0] != trip.start_s:
+            self._usual = trip.start_s, self.plan_at(trip.start_s)
+        plan = self._usual[1]
+        return None if plan is None or trip.distance_m > LONGER * plan.road.distance_m else plan
 
     def usual_trip_at(self, start_s: float) -> Log | None:
         """Find the finished trip whose departure is nearest by time of day to another departure. O(finished trips).
