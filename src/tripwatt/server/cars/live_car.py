@@ -10,7 +10,7 @@ import math
 import re
 from collections.abc import Callable, Mapping
 from contextlib import ExitStack, suppress
-from dataclasses import replace
+from dataclasses import asdict, replace
 from functools import partial
 from pathlib import Path
 from typing import Any, Final, Self
@@ -98,8 +98,8 @@ class LiveCar(Recorder):
             stack.callback(self.file.close)
             self._restore(self.file.setting("live") or {})
             # without a plan, or one that is damaged
-            with suppress(InvalidInput, KeyError, TypeError, ValueError):
-                self.plan = LivePlan.from_dict(self.file.setting("plan"))
+            with suppress(InvalidInput, TypeError, ValueError):
+                self.plan = LivePlan(**self.file.setting("plan"))
             for sample in self.file.messages():
                 self._process(sample, self._judge_arrival(sample))
                 self._messages += 1
@@ -342,7 +342,7 @@ class LiveCar(Recorder):
         given_s = self._ordered.newest_s if self._ordered.newest_s > 0.0 else None
         plan = None if request is None else LivePlan(request, departure_s, given_s)
         with self.file.write() as db:
-            db.put_settings({"plan": None if plan is None else plan.to_dict()})
+            db.put_settings({"plan": None if plan is None else asdict(plan)})
         self.plan, self._plans = plan, self._plans + 1
 
     def forecasts_of(self, trip_id: str) -> tuple[MadeForecast, ...]:

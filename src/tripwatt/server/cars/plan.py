@@ -163,24 +163,3 @@ class LivePlan:
         """Make a plan from the road of a finished trip; return None if its samples give no road."""
         links = or_none(links_of_trip, trip)
         return None if links is None else cls(fields_of_route(links), usual_trip=trip.trip_id)
-
-    def to_dict(self) -> dict[str, Any]:
-        """Convert the plan to plain values.
-
-        Returns
-        -------
-        dict
-            Values for `from_dict`.
-        """
-        return {"given_s": self.given_s, "departure_s": self.departure_s, "request": self.request}
-
-    @classmethod
-    def from_dict(cls, values: Mapping[str, Any]) -> LivePlan:
-        """Make a plan from the values of `to_dict`.
-
-        Raises
-        ------
-        KeyError, TypeError
-            When the values are not those of a plan.
-        """
-        return cls(dict(values["request"]), values["departure_s"], values["given_s"])
