@@ -18,6 +18,8 @@ import numpy as np
 
 from tripwatt.errors import Fault, InvalidInput, damage, raise_faults, system_errors
 from tripwatt.forecasting import Forecast, ForecastModel
+from tripwatt.forecasting.measured import last_reading
+from tripwatt.forecasting.plausible import contradicts_energy
 from tripwatt.forecasting.storage import vehicle_of_values
 from tripwatt.modelfile import FORMAT_VERSION, METADATA
 from tripwatt.physics.battery import usable_energy_wh
@@ -442,11 +444,7 @@ class Car(LiveCar):
         if now is not None and any(flag.code == "charge_contradicted" for flag in now.flags):
             columns = now.along.columns()
             return float(np.interp(now.measured_until_s, columns["time_s"], columns["displayed_soc"]))
-        if (
-            now is None
-            and self.is_described
-            and self.charge_contradicted(usable_energy_wh(self.vehicle.battery))
-        ):
+        if now is None and self.is_described and self._charge_contradicted():
             return None
         if field == "soc" or self.model_of is None:
             return soc if field == "soc" else None
@@ -454,6 +452,12 @@ class Car(LiveCar):
         scale = None if model.uncertainty_ is None else model.uncertainty_.charge
         displayed = model.vehicle.battery.displayed_from_soc if scale is None else scale.displayed
         return min(max(float(displayed(soc)), 0.0), 1.0)
+
+    def _charge_contradicted(self) -> bool:
+        """Return whether the energy that was measured on the trip contradicts its charge, as in `contradicts_energy`. O(samples of the trip)."""
+        samples = {str(name): values.to_numpy() for name, values in self.observed().items()}
+        reading, usable_wh = last_reading(samples, samples["time_s"]), usable_energy_wh(self.vehicle.battery)
+        return contradicts_energy(reading, samples, usable_wh)
 
     def last_air_degc(self, now_s: float) -> float | None:
         """Return the outside temperature from the latest message that has one.

@@ -11,8 +11,7 @@ from typing import Any
 import pandas as pd
 
 from tripwatt.errors import Fault
-from tripwatt.forecasting.measured import last_reading, measured_energy
-from tripwatt.forecasting.plausible import contradicts_energy
+from tripwatt.forecasting.measured import measured_energy
 from tripwatt.server.cars.documents import LiveMessages
 from tripwatt.server.cars.live_trip import SILENCE_S, LiveTrip, TripFinder
 from tripwatt.server.cars.plan import LivePlan
@@ -188,12 +187,6 @@ class Recorder:
         if self.trip is None:
             return pd.DataFrame({"time_s": [], "speed_m_s": []}, dtype="float64")
         return self.trip.table(self._ordered.waiting, since_s=self._since_s(self.trip), start_s=start_s)
-
-    def charge_contradicted(self, wh_per_charge: float) -> bool:
-        """Return whether the energy that was measured on the trip contradicts its charge, as in `contradicts_energy`. O(samples of the trip)."""
-        table = self.observed()
-        samples = {str(name): table[name].to_numpy() for name in table}
-        return contradicts_energy(last_reading(samples, samples["time_s"]), samples, wh_per_charge)
 
     def _since_s(self, trip: LiveTrip) -> float:
         """Return the departure of a trip [s since 1970]: that of its plan, else its start."""
