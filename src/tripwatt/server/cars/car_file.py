@@ -76,10 +76,9 @@ class Database(sqlite3.Connection):
     """A connection to the file of a car."""
 
     def put_settings(self, settings: Mapping[str, Any]) -> None:
-        """Write settings; remove those whose value is None."""
-        self.executemany("DELETE FROM settings WHERE name = ?", [(name,) for name in settings])
-        rows = [(name, json.dumps(value)) for name, value in settings.items() if value is not None]
-        self.executemany("INSERT INTO settings VALUES (?, ?)", rows)
+        """Write settings; one whose value is None is as one that is missing."""
+        rows = [(name, json.dumps(value)) for name, value in settings.items()]
+        self.executemany("INSERT OR REPLACE INTO settings VALUES (?, ?)", rows)
 
     def put_logs(
         self,
