@@ -236,11 +236,13 @@ class CarFile:
             rows = db.execute("SELECT start_s FROM trips WHERE start_s < ?", (before_s,))
             return [start_s for (start_s,) in rows]
 
-    def forecasts(self, start_s: float) -> tuple[MadeForecast, ...]:
-        """Return the forecasts made on the trip that started at `start_s` [s since 1970]."""
+    def forecasts(self, start: str, value: object) -> tuple[MadeForecast, ...]:
+        """Return the forecasts made on the trip whose start [s since 1970] an SQL expression of a value gives."""
         names = ", ".join(MadeForecast.__slots__)
         with self.read() as db:
-            rows = db.execute(f"SELECT {names} FROM forecasts WHERE start_s = ? ORDER BY rowid", (start_s,))
+            rows = db.execute(
+                f"SELECT {names} FROM forecasts WHERE start_s = {start} ORDER BY rowid", (value,)
+            )
             return tuple(MadeForecast(*row) for row in rows)
 
     def messages(self) -> list[Sample]:

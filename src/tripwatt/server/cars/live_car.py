@@ -347,14 +347,12 @@ class LiveCar(Recorder):
 
     def forecasts_of(self, trip_id: str) -> tuple[MadeForecast, ...]:
         """Return the forecasts made during a finished trip on the road, by the name of its log; none for another name."""
-        with self.file.read() as db:
-            row = db.execute("SELECT start_s FROM trips WHERE trip_id = ?", (trip_id,)).fetchone()
-        return () if row is None else self.file.forecasts(row[0])
+        return self.file.forecasts("(SELECT start_s FROM trips WHERE trip_id = ?)", trip_id)
 
     @property
     def forecasts(self) -> tuple[MadeForecast, ...]:
         """Stored forecasts of the trip that the car is on; empty without a trip."""
-        return () if self.trip is None else self.file.forecasts(self.trip.start_s)
+        return () if self.trip is None else self.file.forecasts("?", self.trip.start_s)
 
     @property
     def wants_forecast(self) -> bool:
