@@ -17,7 +17,6 @@ from hypothesis import strategies as st
 import tripwatt as tw
 from tripwatt.certification import certified_interval
 from tripwatt.roads.journey import JourneyOptions
-from tripwatt.server.cars import Car
 from tripwatt.study.synthetic import synthetic_fleet
 from tripwatt.trips.columns import require_fraction
 
@@ -36,7 +35,6 @@ FRACTIONS: Final[dict[str, Callable[[Any], Any]]] = {
     "soc_needed, reserve": lambda value: tw.soc_needed(FOUND, reserve=value),
     "to_dict": lambda value: FOUND.to_dict(reserve=value),
     "JourneyOptions": lambda value: JourneyOptions(reserve=value),
-    "Car": lambda value: Car.follow("no folder is made", reserve=value),
     "certified_interval": lambda value: certified_interval(tw.load_vehicle("vw_id3"), level=value),
     "Departure.soc": lambda value: tw.Departure(soc=value),
     "Departure.bms_soc": lambda value: tw.Departure(bms_soc=value),

@@ -255,8 +255,8 @@ def test_a_document_is_that_of_update_for_every_message(
     drive: pd.DataFrame, forecast: Forecast, folder: Path
 ) -> None:
     """What is kept of the departure and of the trip changes no figure: to 1e-9, after each of the messages."""
-    with Car.follow(folder, lambda _: MODEL, reserve=0.2) as car:
-        car.set_plan(request_of_samples(example_trip().iloc[:700]), NOON_S)
+    with Car.follow(folder, lambda _: MODEL) as car:
+        car.set_plan({**request_of_samples(example_trip().iloc[:700]), "reserve": 0.2}, NOON_S)
         for k, sample in enumerate(samples_of(drive), start=1):
             car.record(sample, now_s=NOW_S)
             if k < 40 or k % 37:

@@ -30,13 +30,14 @@ from tripwatt.server.cars.learning import Learned, Learner, Lesson, Progress, mo
 from tripwatt.server.cars.live_car import LiveCar, make_car_folder
 from tripwatt.server.cars.plan import LivePlan
 from tripwatt.trips import Departure, Log, TripSet
-from tripwatt.trips.columns import require_fraction
 from tripwatt.units import SECONDS_PER_DAY
 from tripwatt.vehicles import Vehicle
 
 MAX_LEFT_OUT: Final = 100
 """Most trips left out of the diary whose reasons are kept (a choice); the oldest reasons are dropped first."""
 
+RESERVE: Final = 0.1
+"""Displayed state of charge to keep if the plan has no reserve: the default of all forecasts."""
 
 AIR_S: Final = SECONDS_PER_DAY
 """Longest age of an outside temperature that is still used [s]. A choice: the next day begins at about the same temperature."""
@@ -57,8 +58,6 @@ class Car(LiveCar):
     ----------
     model_of : callable or None
         Request of a plan -> model that forecasts it.
-    reserve : float
-        Displayed state of charge to keep if the plan has no reserve.
     note : callable
         Called with a sentence when a forecast cannot be kept.
     updated : Forecast or None
@@ -92,7 +91,6 @@ class Car(LiveCar):
     def __init__(self, folder: Path | str) -> None:
         super().__init__(folder)
         self.model_of: ModelOf | None = None
-        self.reserve = 0.1
         self.note: Callable[[str], None] = lambda _: None
         # plan, model and departure of the forecast at departure, and that forecast
         self._at_departure: tuple[tuple[LivePlan, ForecastModel, Departure], Forecast] | None = None
@@ -103,12 +101,7 @@ class Car(LiveCar):
 
     @classmethod
     def follow(
-        cls,
-        folder: Path | str,
-        model_of: ModelOf | None = None,
-        *,
-        reserve: float = 0.1,
-        keep_days: float = math.inf,
+        cls, folder: Path | str, model_of: ModelOf | None = None, *, keep_days: float = math.inf
     ) -> Self:
         """Open a car that sends samples. Close it at the end: only one process at a time can follow a car.
 
@@ -118,8 +111,6 @@ class Car(LiveCar):
             Folder of the car; created if missing.
         model_of : callable, optional
             Request of a plan -> model that forecasts it. Without it, trips are stored but not forecast.
-        reserve : float
-            Displayed state of charge to keep if the plan has no reserve.
         keep_days : float
             Days for which finished trips, and samples of a silent car, stay on disk. Older ones are erased now and every hour.
 
@@ -133,10 +124,9 @@ class Car(LiveCar):
         InvalidInput
             When the folder's name is not a valid car name, the folder cannot be written, or another process follows the car.
         """
-        require_fraction("reserve", reserve)
         make_car_folder(Path(folder).absolute())
         car = cls(folder)
-        car.model_of, car.reserve, car.keep_days = model_of, reserve, keep_days
+        car.model_of, car.keep_days = model_of, keep_days
         car._resume()
         return car
 
@@ -163,9 +153,9 @@ class Car(LiveCar):
 
     @property
     def reserve_asked(self) -> float:
-        """Displayed state of charge to keep: that of the plan, else `reserve`."""
+        """Displayed state of charge to keep: that of the plan, else `RESERVE`."""
         asked = None if self.plan is None else self.plan.request.get("reserve")
-        return self.reserve if asked is None else asked
+        return RESERVE if asked is None else asked
 
     @property
     def label(self) -> str:
