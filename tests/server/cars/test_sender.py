@@ -270,7 +270,7 @@ def test_a_sample_is_given_on_when_none_can_come_before_it() -> None:
     out, arrivals, ordered = fed([0.0, 10.0, 5.0, LATE_S, LATE_S + 4.5, LATE_S + 5.0])
     assert out == [0.0, 5.0]
     assert set(arrivals) == {"new"}
-    assert [sample.time_s - T0 for sample in ordered.release_all()] == [
+    assert [sample.time_s - T0 for sample in ordered.release()] == [
         10.0,
         LATE_S,
         LATE_S + 4.5,
@@ -305,7 +305,7 @@ def test_a_stamp_far_ahead_makes_none_late() -> None:
 @given(st.lists(st.integers(0, 200), max_size=60))
 def test_any_order_gives_each_time_once_and_rising(times: list[int]) -> None:
     out, arrivals, ordered = fed([float(t) for t in times])
-    out += [sample.time_s - T0 for sample in ordered.release_all()]
+    out += [sample.time_s - T0 for sample in ordered.release()]
     assert out == sorted(set(out))
     assert out == sorted({float(t) for t, arrival in zip(times, arrivals, strict=True) if arrival == "new"})
 
@@ -314,4 +314,4 @@ def test_any_order_gives_each_time_once_and_rising(times: list[int]) -> None:
 def test_swaps_within_the_window_lose_nothing(times: list[int]) -> None:
     out, arrivals, ordered = fed([float(t) for t in times])
     assert set(arrivals) == {"new"}
-    assert out + [s.time_s - T0 for s in ordered.release_all()] == [float(t) for t in range(25)]
+    assert out + [s.time_s - T0 for s in ordered.release()] == [float(t) for t in range(25)]

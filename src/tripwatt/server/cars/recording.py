@@ -151,7 +151,7 @@ class Recorder:
     def _end_trip(self) -> None:
         """End the trip that the car is on, because no more samples arrive."""
         self._release()
-        self._find_trips(self._ordered.release_all())
+        self._find_trips(self._ordered.release())
         self._end(self._finder.end())
 
     @property

@@ -77,23 +77,19 @@ class OrderedSamples:
 
     def release_ready(self) -> list[Sample]:
         """Release and return, in the order of their times, the samples before which no other can arrive."""
-        count = bisect.bisect_right(self.waiting, self.newest_s - LATE_S, key=_time)
-        return self._release_first(max(count, len(self.waiting) - MAX_WAITING))
+        return self.release(self.newest_s - LATE_S)
 
     def shift_times(self, by_s: float) -> None:
         """Shift all times by `by_s` [s] after the clock of the sender was set."""
         self.waiting = [shifted(sample, by_s) for sample in self.waiting]
         self.newest_s, self.released_s = self.newest_s + by_s, self.released_s + by_s
 
-    def release_all(self) -> list[Sample]:
-        """Release and return all samples."""
-        return self._release_first(len(self.waiting))
-
-    def _release_first(self, count: int) -> list[Sample]:
-        if not count:
-            return []
+    def release(self, until_s: float = math.inf) -> list[Sample]:
+        """Release and return the samples up to a time [s since 1970], and the oldest of more than `MAX_WAITING`; by default all."""
+        count = bisect.bisect_right(self.waiting, until_s, key=_time)
+        count = max(count, len(self.waiting) - MAX_WAITING)
         released, self.waiting = self.waiting[:count], self.waiting[count:]
-        self.released_s = released[-1].time_s
+        self.released_s = max([self.released_s, *(sample.time_s for sample in released)])
         return released
 
 
