@@ -233,11 +233,8 @@ class Diary:
         KeyError, TypeError
             When an entry is not that of a trip.
         """
-        rows = pd.DataFrame([{"trip_id": entry["trip_id"], **entry} for entry in entries])
-        if rows.empty:
-            kinds = {**dict.fromkeys(TEXTS, str), **dict.fromkeys(NUMBERS, np.float64)}
-            rows = pd.DataFrame({name: pd.Series(dtype=kind) for name, kind in kinds.items()})
-        return cls(rows)
+        rows = [{"trip_id": entry["trip_id"], **entry} for entry in entries]
+        return cls(pd.DataFrame(rows, columns=None if rows else [*TEXTS, *NUMBERS]))
 
     def __len__(self) -> int:
         return len(self.table)
