@@ -80,7 +80,12 @@ class Sample:
     received_s: float | None = None
 
     def __post_init__(self) -> None:
-        faults = [*_time_faults(self.time_s)]
+        faults = list[Fault]()
+        if not FIRST_TIME_S <= self.time_s <= LAST_TIME_S:
+            allowed = "seconds since 1970, of the years 2000 to 2100"
+            is_ms = FIRST_TIME_S <= self.time_s / 1000.0 <= LAST_TIME_S
+            fix = "the time looks like milliseconds" if is_ms else ""
+            faults.append(Fault("time out of range", "utc", f"{self.time_s:g}", allowed, fix))
         for name, value in self.values.items():
             if name not in SIGNALS:
                 faults.append(Fault("unknown column", name[:60], name[:60], ", ".join(SIGNALS)))
@@ -92,14 +97,6 @@ class Sample:
 def shifted(sample: Sample, by_s: float) -> Sample:
     """Return the sample with its time shifted by `by_s` [s], within the bounds of time stamps."""
     return replace(sample, time_s=min(max(sample.time_s + by_s, FIRST_TIME_S), LAST_TIME_S))
-
-
-def _time_faults(time_s: float) -> list[Fault]:
-    if FIRST_TIME_S <= time_s <= LAST_TIME_S:
-        return []
-    allowed = "seconds since 1970, of the years 2000 to 2100"
-    fix = "the time looks like milliseconds" if FIRST_TIME_S <= time_s / 1000.0 <= LAST_TIME_S else ""
-    return [Fault("time out of range", "utc", f"{time_s:g}", allowed, fix)]
 
 
 @dataclass(frozen=True)
