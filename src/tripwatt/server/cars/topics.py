@@ -131,36 +131,6 @@ class TopicJoiner:
         if not self._has_news or self._begins_s == -math.inf:
             return None
         self._has_news = False
-        return self._make_sample()
-
-    def _begin(self, time_s: float) -> None:
-        """Begin a sample at `time_s`. Values that came before the first sample get its time."""
-        if self._begins_s == -math.inf:
-            self._values = {name: (value, time_s) for name, (value, _) in self._values.items()}
-        self._begins_s = time_s
-
-    def _start_at(self, time_s: float) -> Sample | None:
-        """Begin a sample at a time that the sender sent; return the sample before it."""
-        if not math.isfinite(time_s) or time_s == self._begins_s:
-            return None
-        sample = self.flush()
-        self._begin(time_s)
-        self._has_time = True
-        return sample
-
-    def _note_arrival(self, received_s: float) -> Sample | None:
-        """Note that a value came; if the sender sends no time, it may begin the next sample. Return the sample before it."""
-        sample = None
-        self._first_arrival_s = min(self._first_arrival_s, received_s)
-        if not self._has_time and self.format.time_field and received_s < self._first_arrival_s + TIME_WAIT_S:
-            return None
-        if not self._has_time and received_s >= self._begins_s + JOIN_S:
-            sample = self.flush()
-            self._begin(math.floor(received_s / JOIN_S) * JOIN_S)
-        self._has_news = True
-        return sample
-
-    def _make_sample(self) -> Sample | None:
         values = {
             name: value
             for name, (value, at_s) in self._values.items()
@@ -171,6 +141,32 @@ class TopicJoiner:
             values["speed_m_s"] = 0.0
         values, charging = self.format.with_current(values), is_set(self.format.charging, self._flags)
         return or_none(Sample, self._begins_s, values, charging, parked)  # None for a time out of bounds
+
+    def _begin(self, time_s: float) -> Sample | None:
+        """Begin a sample at `time_s`; return the one before it. Values that came before the first sample get its time."""
+        sample = self.flush()
+        if self._begins_s == -math.inf:
+            self._values = {name: (value, time_s) for name, (value, _) in self._values.items()}
+        self._begins_s = time_s
+        return sample
+
+    def _start_at(self, time_s: float) -> Sample | None:
+        """Begin a sample at a time that the sender sent; return the sample before it."""
+        if not math.isfinite(time_s) or time_s == self._begins_s:
+            return None
+        self._has_time = True
+        return self._begin(time_s)
+
+    def _note_arrival(self, received_s: float) -> Sample | None:
+        """Note that a value came; if the sender sends no time, it may begin the next sample. Return the sample before it."""
+        sample = None
+        self._first_arrival_s = min(self._first_arrival_s, received_s)
+        if not self._has_time and self.format.time_field and received_s < self._first_arrival_s + TIME_WAIT_S:
+            return None
+        if not self._has_time and received_s >= self._begins_s + JOIN_S:
+            sample = self._begin(math.floor(received_s / JOIN_S) * JOIN_S)
+        self._has_news = True
+        return sample
 
     def _sample_of_json(self, payload: bytes, received_s: float) -> Sample | None:
         """Return the sample of a message with all values as JSON; None if it is not valid (faults of values go to `note`)."""
