@@ -212,9 +212,7 @@ class LiveCar(Recorder):
         with self.file.write() as db:
             stored = [trip for trip in self.ended if self._store_trip(db, trip)]
             plan = self.plan
-            if plan is not None and any(
-                plan.given_s is None or plan.given_s <= trip.moved_s for trip in stored
-            ):
+            if plan is not None and any((plan.given_s or 0.0) <= trip.moved_s for trip in stored):
                 db.put_settings({"plan": None})
                 plan = None
             if shorten:

@@ -265,9 +265,7 @@ class TripFinder:
         LiveTrip or None
             The trip that this sample has ended; None if no trip has ended.
         """
-        ended = None
-        if self.trip is not None and self._ends(self.trip, sample):
-            ended, self.trip = self.trip, None
+        ended = self.end() if self.trip is not None and self._ends(self.trip, sample) else None
         if self.trip is not None:
             self.trip.append(sample)
         else:

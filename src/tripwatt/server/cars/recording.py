@@ -208,9 +208,8 @@ class Recorder:
             return self._departure_of_trip[1]
         table = self.observed()
         if not len(table):
-            latest: dict[str, float] = {}
-            for sample in (*self._finder.before, *self._ordered.waiting):
-                latest |= sample.values
+            standing = (*self._finder.before, *self._ordered.waiting)
+            latest = dict(value for sample in standing for value in sample.values.items())
             table = pd.DataFrame([{"time_s": 0.0, "speed_m_s": 0.0, **latest}], dtype="float64")
         first_values = Departure.from_first_sample(Sampled(self.name, table), Context())
         departure = replace(first_values, payload_mass_kg=None, follows_trip=None)

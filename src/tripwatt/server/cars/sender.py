@@ -199,10 +199,8 @@ class Sender:
 
     @property
     def clock_was_kept(self) -> bool:
-        """Whether enough samples by the known clock came beside the held samples."""
-        return self._accepted_since >= MIN_ACCEPTED or (
-            self._accepted_since >= MIN_ACCEPTED - 1 and _steady(self.held)
-        )
+        """Whether enough samples by the known clock came beside the held samples: one less if these show another clock."""
+        return self._accepted_since + _steady(self.held) >= MIN_ACCEPTED
 
     def adopt_clock(self, newest_s: float) -> tuple[float, list[Sample]]:
         """Adopt the clock of the held samples; return the shift for all samples before them [s], and the held samples."""
