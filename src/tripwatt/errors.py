@@ -371,6 +371,10 @@ def system_errors(what: str, where: str, allowed: str, path: object = "") -> Ite
         raise InvalidInput.of(what, where, got, allowed) from error
 
 
+DAMAGE: Final = (ValueError, KeyError, TypeError, RecursionError)
+"""Errors of reading values of JSON that are damaged."""
+
+
 @contextmanager
 def damage(path: object, allowed: str, fix: str = "") -> Iterator[None]:
     """Raise `InvalidInput` for a file that tripwatt wrote and whose content was damaged since.
@@ -392,7 +396,7 @@ def damage(path: object, allowed: str, fix: str = "") -> Iterator[None]:
     """
     try:
         yield
-    except (ValueError, KeyError, TypeError, RecursionError) as error:
+    except DAMAGE as error:
         raise InvalidInput.of("damaged file", f"{path}", f"{error}"[:200], allowed, fix) from error
 
 

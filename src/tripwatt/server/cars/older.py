@@ -18,7 +18,7 @@ from typing import Final
 
 import pandas as pd
 
-from tripwatt.errors import InvalidInput, damage
+from tripwatt.errors import DAMAGE, InvalidInput, damage
 from tripwatt.files import WRITING, folder_lock, read_file, read_text_file, restore_folder
 from tripwatt.fleet.store import open_store
 from tripwatt.forecasting.storage import vehicle_values
@@ -43,15 +43,7 @@ OLD_CAUSES: Final = {
 }
 """Columns of diaries of 0.2.0."""
 
-UNREADABLE: Final = (
-    ValueError,
-    TypeError,
-    KeyError,
-    AttributeError,
-    OverflowError,
-    RecursionError,
-    InvalidInput,
-)
+UNREADABLE: Final = (*DAMAGE, AttributeError, OverflowError, InvalidInput)
 
 
 def read_into(folder: Path, db: Database) -> None:
