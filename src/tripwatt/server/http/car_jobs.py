@@ -275,10 +275,7 @@ def _units_of(ours: str) -> list[str]:
 def _kinds_of_upload(tables: Path, request: LogsRequest, vehicle: Vehicle) -> list[Kind]:
     """Return the kinds of files of an upload, with the changes of a request."""
     changes = {
-        int(number): Changes(
-            {ours: None if choice is None else choice.model_dump() for ours, choice in kind.changes.items()},
-            kind.current_positive,
-        )
+        int(number): Changes(kind.model_dump()["changes"], kind.current_positive)
         for number, kind in request.kinds.items()
         if number.isdigit()
     }
