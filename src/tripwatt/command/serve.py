@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Annotated
 from urllib.parse import urlencode
 
 from tripwatt.command import shared
-from tripwatt.command.options import argument, flag, option, require_effect
+from tripwatt.command.options import argument, assignments, flag, option, require_effect
 from tripwatt.command.printing import print_notes, say
 from tripwatt.errors import Check, Fault, InvalidInput, excerpt, raise_faults, require_extras, system_errors
 
@@ -95,11 +95,11 @@ def serve(
             check(open_atlas, atlas)
     from tripwatt.server.http.serving import require_safe
     from tripwatt.server.http.serving import serve as run
-    from tripwatt.server.http.settings import TOKEN_VARIABLE, Settings, parse_limits
+    from tripwatt.server.http.settings import TOKEN_VARIABLE, Settings, limits_of
 
     with Check() as check:
         folders = check(models_of, model or [])
-        limits = check(parse_limits, limit or [])
+        limits = check(lambda: limits_of(assignments(limit or [], "--limit")))
         over_mqtt = check(_mqtt_of, mqtt, follow or [], publish, discovery, cars)
         check(make_cars_folder, cars)
     token, prefix, origins = os.environ.get(TOKEN_VARIABLE, ""), prefix.rstrip("/"), tuple(cors_origin or ())

@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 
 import pytest
 
 from tripwatt.errors import Fault, InvalidInput
-from tripwatt.server.http.settings import Limits, Settings, is_loopback, parse_limits
+from tripwatt.server.http.settings import Limits, Settings, is_loopback, limits_of
 
 
-def faults_of(*pairs: str) -> tuple[Fault, ...]:
+def faults_of(**given: float | str) -> tuple[Fault, ...]:
     with pytest.raises(InvalidInput) as caught:
-        parse_limits(list(pairs))
+        limits_of(given)
     return caught.value.faults
 
 
@@ -36,27 +37,27 @@ def test_names_that_the_host_header_may_have() -> None:
     assert Settings(host="myhost").hosts == frozenset()
 
 
-def test_limits_are_parsed_by_their_type() -> None:
-    found = parse_limits(["samples=7", "timeout_s=1.5"])
+def test_limits_have_their_type() -> None:
+    found = limits_of({"samples": 7.0, "timeout_s": 1.5})
     assert found == Limits(samples=7, timeout_s=1.5)
     assert type(found.samples) is int
-    assert parse_limits([]) == Limits()
+    assert limits_of({}) == Limits()
 
 
 def test_a_limit_is_below_a_million_millions() -> None:
-    assert parse_limits(["samples=999999999999"]).samples == 999_999_999_999
-    assert faults_of("samples=1000000000000")[0].what == "value out of range"
-    assert faults_of("timeout_s=nan", "samples=0", "timeout_s=inf")[2].got == "inf"
+    assert limits_of({"samples": 999_999_999_999.0}).samples == 999_999_999_999
+    assert faults_of(samples=1e12)[0].what == "value out of range"
+    assert faults_of(timeout_s=math.nan, samples=0.0, compute_s=math.inf)[2].got == "inf"
 
 
 def test_values_that_are_no_numbers_are_out_of_range() -> None:
-    whole, number = faults_of("samples=1.5", "timeout_s=fast")
+    whole, number = faults_of(samples=1.5, timeout_s="fast")
     assert whole == Fault("value out of range", "--limit samples", "1.5", "a whole number above 0")
     assert number == Fault("value out of range", "--limit timeout_s", "fast", "a number above 0")
 
 
 def test_unknown_limits_are_listed_with_the_known_ones() -> None:
-    first, second = faults_of("colour=1", "samples=x")
+    first, second = faults_of(colour=1.0, samples="x")
     assert (first.what, first.where, first.got) == ("unknown limit", "--limit", "'colour'")
     assert first.allowed.split(", ") == [field.name for field in dataclasses.fields(Limits)]
     assert second.where == "--limit samples"

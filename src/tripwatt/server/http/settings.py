@@ -5,7 +5,7 @@ from __future__ import annotations
 import ipaddress
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from types import MappingProxyType
 from typing import Final
@@ -168,34 +168,26 @@ def is_loopback(host: str) -> bool:
         return False
 
 
-def parse_limits(pairs: list[str]) -> Limits:
-    """Parse limits from texts `KEY=VALUE`.
+def limits_of(given: Mapping[str, float | str]) -> Limits:
+    """Return the limits with these names and values, and the others as they are by default.
 
     Raises
     ------
     InvalidInput
-        With all unknown keys and all values out of range.
+        With all unknown names and all values out of range.
 
     Examples
     --------
-    >>> parse_limits(["samples=2000"]).samples
+    >>> limits_of({"samples": 2000.0}).samples
     2000
     """
-    types = {f.name: f.type for f in fields(Limits)}
-    values: dict[str, float] = {}
-    faults = []
-    for pair in pairs:
-        key, _, text = pair.partition("=")
-        if key not in types:
-            faults.append(Fault.unknown("unknown limit", "--limit", key, types))
-            continue
-        try:
-            value = float(text) if types[key] == "float" else int(text)
-        except ValueError:
-            value = -1
-        if not 0 < value < 1e12:
-            allowed = "a number" if types[key] == "float" else "a whole number"
-            faults.append(Fault("value out of range", f"--limit {key}", text, f"{allowed} above 0"))
-        values[key] = value
+    defaults, faults = asdict(Limits()), list[Fault]()
+    for name, value in given.items():
+        is_whole = isinstance(defaults.get(name), int)
+        if name not in defaults:
+            faults.append(Fault.unknown("unknown limit", "--limit", name, defaults))
+        elif isinstance(value, str) or not 0 < value < 1e12 or (is_whole and value % 1.0):
+            allowed = "a whole number above 0" if is_whole else "a number above 0"
+            faults.append(Fault("value out of range", f"--limit {name}", f"{value}", allowed))
     raise_faults(faults)
-    return replace(Limits(), **values)  # type: ignore[arg-type] # int and float by the table of fields
+    return Limits(**defaults | {name: type(defaults[name])(value) for name, value in given.items()})
