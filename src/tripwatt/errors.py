@@ -371,19 +371,19 @@ def system_errors(what: str, where: str, allowed: str, path: object = "") -> Ite
         raise InvalidInput.of(what, where, got, allowed) from error
 
 
-DAMAGE: Final = (ValueError, KeyError, TypeError, RecursionError)
-"""Errors of reading values of JSON that are damaged."""
+DAMAGE: Final = (ArithmeticError, AttributeError, LookupError, RecursionError, TypeError, ValueError)
+"""Errors of reading values that are damaged, such as those of JSON."""
 
 
 @contextmanager
-def damage(path: object, allowed: str, fix: str = "") -> Iterator[None]:
+def damage(path: object, allowed: str, fix: str = "", what: str = "damaged file") -> Iterator[None]:
     """Raise `InvalidInput` for a file that tripwatt wrote and whose content was damaged since.
 
     Parameters
     ----------
     path : object
         The file.
-    allowed, fix : str
+    allowed, fix, what : str
         Texts of the fault.
 
     Examples
@@ -397,7 +397,7 @@ def damage(path: object, allowed: str, fix: str = "") -> Iterator[None]:
     try:
         yield
     except DAMAGE as error:
-        raise InvalidInput.of("damaged file", f"{path}", f"{error}"[:200], allowed, fix) from error
+        raise InvalidInput.of(what, f"{path}", f"{error}"[:200], allowed, fix) from error
 
 
 def or_none(call: Callable[Given, Checked], *args: Given.args, **more: Given.kwargs) -> Checked | None:

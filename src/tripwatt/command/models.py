@@ -13,7 +13,7 @@ from tripwatt.command import shared
 from tripwatt.command.options import Answer, argument, flag, option, require_effect
 from tripwatt.command.printing import console, grouped, kwh, print_notes, print_table, progress, say
 from tripwatt.command.sentences import change, share
-from tripwatt.errors import Check, Fault, InvalidInput, raise_faults
+from tripwatt.errors import Check, Fault, damage, raise_faults
 
 
 def fit(
@@ -117,12 +117,9 @@ def inspect(
     from tripwatt.forecasting import load_metadata
 
     about = load_metadata(model)
-    try:
+    allowed = "metadata of a model of one car, as `tripwatt fit` writes them"
+    with damage(model, allowed, what="metadata cannot be read"):  # digests are no signatures
         facts = _about_rows(about)
-    except (LookupError, TypeError, ValueError, AttributeError) as error:  # digests are no signatures
-        got = f"{type(error).__name__}: {error}"[:200]
-        allowed = "metadata of a model of one car, as `tripwatt fit` writes them"
-        raise InvalidInput.of("metadata cannot be read", f"{model}", got, allowed) from error
     return Answer(about, partial(print_table, "Model", ("", "value"), facts, folding=("value",)))
 
 

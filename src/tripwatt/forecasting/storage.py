@@ -18,7 +18,7 @@ import numpy as np
 import pandas as pd
 
 from tripwatt.arrays import FloatArray
-from tripwatt.errors import InvalidInput, excerpt, raise_faults
+from tripwatt.errors import InvalidInput, damage, excerpt, raise_faults
 from tripwatt.forecasting.document import ForecastResponse
 from tripwatt.forecasting.model import ForecastModel
 from tripwatt.forecasting.plausible import impossible_faults
@@ -68,12 +68,9 @@ def model_of_parts(parts: Mapping[str, Part], outside: Corrector | None = None) 
         If the parts do not make a model, with every reason, or if the object from outside is missing or is not the
         one that was fitted with the model.
     """
-    try:
+    with damage("model", "", REFIT, "parts do not make a forecast model"):
         tree = parts_tree(parts)
         segment_s, before_w = tree.pop("segment_s"), tree.pop(TRIAL, None)
-    except (LookupError, TypeError, ValueError, AttributeError, RecursionError) as error:
-        got = f"{type(error).__name__}: {error}"[:200]
-        raise InvalidInput.of("parts do not make a forecast model", "model", got, "", REFIT) from error
     if segment_s != SEGMENT_S:
         got, allowed = f"segments of {excerpt(segment_s)} s", f"segments of {SEGMENT_S:g} s"
         raise InvalidInput.of("model of an older version", "model.json, segment_s", got, allowed, REFIT)

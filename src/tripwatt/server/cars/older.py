@@ -43,7 +43,7 @@ OLD_CAUSES: Final = {
 }
 """Columns of diaries of 0.2.0."""
 
-UNREADABLE: Final = (*DAMAGE, AttributeError, OverflowError, InvalidInput)
+UNREADABLE: Final = (*DAMAGE, InvalidInput)
 
 
 def read_into(folder: Path, db: Database) -> None:
