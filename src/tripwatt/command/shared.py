@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Mapping, Sequence
+from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Final
@@ -171,12 +171,10 @@ def one_trip(candidates: Sequence[tw.Trip], wanted: str | None, why_not: str = "
     raise InvalidInput.of("no single trip", "--trip", got, allowed)
 
 
-@contextmanager
-def options_named() -> Iterator[None]:
+def options_named() -> AbstractContextManager[None]:
     """Name faults by the options of the command instead of the arguments of the library, within a `with` block."""
     others = {"vehicle": "--car", "car": "--car", "reserve": "--reserve", "speed_m_s": "--speed"}
-    with places_named({name: field.option for name, field in ASKED.items()} | others):
-        yield
+    return places_named({name: field.option for name, field in ASKED.items()} | others)
 
 
 def model_of(folder: Path | None) -> tw.ForecastModel:
