@@ -49,7 +49,7 @@ def fit(
 
     shown, note = console(), logs.named()[1]
     with Check() as check:
-        started = None if base is None else check(_stored, base)
+        started = None if base is None else check(tw.load_model, base)
         check(require_effect, {"--covariate": (base and covariate) or None}, "only without --base")
         if corrector not in STORABLE:
             check(raise_faults, [Fault.unknown("unknown corrector", "--corrector", corrector, STORABLE)])
@@ -60,12 +60,13 @@ def fit(
     fleet = replace(fleet, notes=(*fleet.notes, *note))
     say(f"{len(fleet.trips)} trips read ({fleet.name})", err=True)
     from tripwatt.forecasting.fitting import fit_with_provenance
-    from tripwatt.forecasting.storage import save_model
+    from tripwatt.forecasting.storage import load_metadata, save_model
     from tripwatt.population.adapting import adapt_model
 
     if started is not None:
         with shown.status("adapting the model"):
-            model, provenance, figures = adapt_model(fleet, car, *started)
+            about = load_metadata(base, check_parts=False)
+            model, provenance, figures = adapt_model(fleet, car, started, about)
     else:
         with progress(shown) as advance:
             model, provenance, figures = fit_with_provenance(
@@ -81,13 +82,6 @@ def fit(
     brief = {k: v for k, v in figures.items() if k != "by_trip"}
     document = {"model": str(out), "data": fleet.name, "evaluation": brief, "notes": notes}
     return Answer(document, partial(_show_fit, fleet, out, notes, figures))
-
-
-def _stored(folder: Path) -> tuple[tw.ForecastModel, dict[str, Any]]:
-    """Load a stored model and its metadata."""
-    from tripwatt.forecasting import load_metadata
-
-    return tw.load_model(folder), load_metadata(folder, check_parts=False)
 
 
 def _show_fit(fleet: trips.TripSet, out: Path, notes: list[str], figures: dict[str, Any]) -> None:
