@@ -11,7 +11,7 @@ from typing import Any, Final, Protocol
 import numpy as np
 
 from tripwatt.auditing import audit
-from tripwatt.errors import InvalidInput, or_none
+from tripwatt.errors import InvalidInput, damage, or_none
 from tripwatt.routes import links_of_trip, route_from_links
 from tripwatt.routes.link_objects import fields_of_route, route_with_elevation
 from tripwatt.server.cars.car_file import CarFile
@@ -142,7 +142,7 @@ class LivePlan:
             When the fields do not describe a road.
         """
         fields = {name: value for name, value in self.request.items() if value is not None}
-        try:
+        with damage("plan", "links or samples of a request", what="no road"):
             if "samples" in fields:
                 lists = fields["samples"].items()
                 columns = {name.removeprefix("bms_"): np.array(values, np.float64) for name, values in lists}
@@ -152,9 +152,6 @@ class LivePlan:
                 if "elevation" in fields:
                     route = route_with_elevation(route, **fields["elevation"])
                 plan = route.plan()
-        except (LookupError, TypeError, ValueError, AttributeError, ArithmeticError) as error:
-            got = f"{type(error).__name__}: {error}"[:200]
-            raise InvalidInput.of("no road", "plan", got, "links or samples of a request") from error
         names = ASKED.keys() & fields.keys() - {"departs_at"}
         return plan.with_departure(Departure(**{name: fields[name] for name in names}))
 
