@@ -567,12 +567,12 @@ class Car(LiveCar):
         False
         """
         trip = self.trip
-        if trip is None or (departing and self.forecasts):
+        if trip is None or (self.forecasts if departing else not self.wants_forecast):
             return False
         at_s, distance_m = (0.0, 0.0) if departing else (trip.last_s - trip.start_s, trip.distance_m)
         bounds = (forecast["quantiles_wh"][end] for end in (LOW, HIGH))
         made = MadeForecast(at_s, distance_m, forecast["energy_wh"], *bounds)
-        if not self._is_forecast_due(at_s) or not all(map(math.isfinite, astuple(made))):
+        if not all(map(math.isfinite, astuple(made))):
             return False
         with self.file.write() as db:
             db.put_forecasts(trip.start_s, [made])

@@ -355,12 +355,11 @@ class LiveCar(Recorder):
     @property
     def wants_forecast(self) -> bool:
         """Whether a forecast made now is due to be stored with the trip."""
-        trip = self.trip
-        return trip is not None and self._is_forecast_due(trip.last_s - trip.start_s)
-
-    def _is_forecast_due(self, at_s: float) -> bool:
-        forecasts = self.forecasts
-        return not forecasts or (at_s - forecasts[-1].at_s >= EVERY_S and len(forecasts) < MAX_FORECASTS)
+        trip, forecasts = self.trip, self.forecasts
+        if trip is None or not forecasts:
+            return trip is not None
+        since_s = trip.last_s - trip.start_s - forecasts[-1].at_s
+        return since_s >= EVERY_S and len(forecasts) < MAX_FORECASTS
 
     def close(self) -> None:
         """Close the car's file and unlock its folder, so that another process can follow the car."""
