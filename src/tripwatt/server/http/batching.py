@@ -12,7 +12,7 @@ import orjson
 
 from tripwatt.errors import Fault
 from tripwatt.server.http.metrics import Metrics
-from tripwatt.server.http.pool import WorkerPool, cancel_all
+from tripwatt.server.http.pool import JobResult, WorkerPool, cancel_all
 from tripwatt.server.http.problems import Problem, invalid_input
 
 QUEUED_JOBS: Final = 1
@@ -82,14 +82,14 @@ async def _forecast_line(line: bytes, pool: WorkerPool, metrics: Metrics, job: d
         if len(line) > max_bytes:
             raise Problem("too-large", f"at most {max_bytes} bytes per trip")
         result = await pool.run(job, line, may_queue=True)
-    except Problem as problem:
-        status, document = problem.status, problem.document()
-    else:
         metrics.job_seconds.labels("batch").observe(result.seconds)
-        status, document = result.status, {} if result.status == 200 else orjson.loads(result.content)
+    except Problem as problem:
+        result = JobResult(problem.status, orjson.dumps(problem.document()), 0.0)
+    status = result.status
     metrics.trips.labels("answered" if status == 200 else "refused" if status < 500 else "failed").inc()
     if status == 200:
         return result.content + b"\n"
+    document = orjson.loads(result.content)
     with contextlib.suppress(orjson.JSONDecodeError, AttributeError):
         document["trip"] = orjson.loads(line if len(line) <= max_bytes else b"[]").get("trip", "trip")
     return orjson.dumps(document) + b"\n"
