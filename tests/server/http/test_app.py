@@ -28,7 +28,7 @@ class Pool:
     def __init__(self, settings: Settings, log_event: Callable[..., None]) -> None:
         self.settings, self.log_event = settings, log_event
         self.places = Places(settings.limits.waiting, "too many requests wait", {"Retry-After": "1"})
-        self.waiting, self.ready, self.lost = 0, 1, 0
+        self.ready, self.lost = 1, 0
         self.jobs: list[tuple[dict[str, Any], bytes]] = []
         self.result = JobResult(200, b'{"a":1}', 0.5)
         made.append(self)
@@ -101,7 +101,8 @@ def test_the_time_of_a_job_is_counted_by_its_kind() -> None:
     served.post("/v1/forecast")
     text = served("/metrics").text
     assert 'tripwatt_work_seconds_sum{kind="forecast"} 0.5' in text
-    served.pool.waiting, served.pool.ready, served.pool.lost = 4, 3, 2
+    served.pool.places.add(4)
+    served.pool.ready, served.pool.lost = 3, 2
     lines = served("/metrics").text.splitlines()
     for line in ("tripwatt_jobs_waiting 4.0", "tripwatt_workers_ready 3.0", "tripwatt_workers_lost 2.0"):
         assert line in lines

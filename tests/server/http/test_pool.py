@@ -116,14 +116,14 @@ def test_jobs_beyond_the_waiting_ones_are_refused(monkeypatch: pytest.MonkeyPatc
         async with running(waiting=1) as pool:
             tasks = [asyncio.create_task(pool.run(JOB, b"")) for _ in range(2)]
             await settled()
-            assert pool.waiting == 1
+            assert pool.places.taken.total() == 1
             problem = await problem_of(pool)
             assert (problem.kind, problem.headers) == ("busy", {"Retry-After": "1"})
             tasks.append(asyncio.create_task(pool.run(JOB, b"", may_queue=True)))
             await settled()
-            assert pool.waiting == 2
+            assert pool.places.taken.total() == 2
             assert [result.status for result in await asyncio.gather(*tasks)] == [200] * 3
-            assert (pool.waiting, elapsed_s()) == (0, 1.0)
+            assert (pool.places.taken.total(), elapsed_s()) == (0, 1.0)
 
     run_jumping(run())
 
@@ -153,7 +153,7 @@ def test_clients_take_turns_and_each_finds_a_place(monkeypatch: pytest.MonkeyPat
             await asyncio.sleep(1.5)
             tasks += [asyncio.create_task(send(pool, "late")) for _ in range(2)]
             await asyncio.gather(*tasks)
-            assert pool.waiting == 0
+            assert pool.places.taken.total() == 0
 
     run_jumping(run())
     assert "late" not in refused

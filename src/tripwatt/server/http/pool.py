@@ -98,7 +98,7 @@ class WorkerPool:
     Attributes
     ----------
     places : Places
-        Places in the queue, by client.
+        Places in the queue, by client: those that are taken are the jobs that wait for a worker.
     lost : int
         Workers lost since the start.
     """
@@ -113,11 +113,6 @@ class WorkerPool:
         self._lines: WeakValueDictionary[str, asyncio.Lock] = WeakValueDictionary()
         self._workers: set[Worker] = set()
         self._tasks: set[asyncio.Task[Any]] = set()
-
-    @property
-    def waiting(self) -> int:
-        """Number of jobs that wait for a worker."""
-        return self.places.taken.total()
 
     @property
     def ready(self) -> int:
@@ -160,9 +155,8 @@ class WorkerPool:
             `busy` when too many jobs wait, `timeout` when it takes too long, `internal` when its workers are lost.
         """
         limits, clock = self.settings.limits, asyncio.get_running_loop().time
-        longest_s = (
-            limits.timeout_s if job["kind"].startswith(LONG) else min(limits.compute_s, limits.timeout_s)
-        )
+        is_long = job["kind"].startswith(LONG)
+        longest_s = limits.timeout_s if is_long else min(limits.compute_s, limits.timeout_s)
         try:
             async with asyncio.timeout(limits.timeout_s):
                 for attempt in range(MAX_ATTEMPTS):

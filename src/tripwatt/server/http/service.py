@@ -68,7 +68,7 @@ class Service:
     def __init__(self, settings: Settings, log: Callable[..., None]) -> None:
         self.settings, self.metrics = settings, Metrics()
         self.pool = WorkerPool(settings, log)
-        self.metrics.waiting.set_function(lambda: self.pool.waiting)
+        self.metrics.waiting.set_function(self.pool.places.taken.total)
         self.metrics.workers.set_function(lambda: self.pool.ready)
         self.metrics.lost.set_function(lambda: self.pool.lost)
         self.bodies = Bodies(settings.limits.arriving_bytes)
