@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Any, Final
 
 import numpy as np
@@ -131,8 +131,7 @@ class Score:
         dict
             One key for each attribute; None instead of NaN.
         """
-        values = {name: getattr(self, name) for name in self.__slots__}
-        return {name: value if math.isfinite(value) else None for name, value in values.items()}
+        return {name: value if math.isfinite(value) else None for name, value in asdict(self).items()}
 
 
 def diary_entry(trip: Trip, forecast: Forecast, published: Forecast, trips_learned: int) -> dict[str, Any]:
