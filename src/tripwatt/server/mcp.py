@@ -16,7 +16,8 @@ from pydantic import BaseModel, Field, TypeAdapter
 import tripwatt
 from tripwatt.errors import Fault, InvalidInput
 from tripwatt.forecasting.document import ForecastResponse
-from tripwatt.server.http import car_schemas, journey_schemas, schemas
+from tripwatt.server.http import car_schemas, schemas
+from tripwatt.server.http import journey_schemas as journey
 from tripwatt.server.http.jobs import Jobs
 from tripwatt.server.http.openapi import Schemas
 from tripwatt.server.http.problems import TITLES, Problem
@@ -62,13 +63,11 @@ class Tool(NamedTuple):
 
 
 TOOLS: Final[Mapping[str, Tool]] = {
-    "plan": Tool(Jobs.plan, journey_schemas.PlanRequest, journey_schemas.PlanResponse),
-    "need": Tool(Jobs.distance, journey_schemas.NeedQuery, journey_schemas.NeedResponse),
-    "range": Tool(Jobs.range, journey_schemas.RangeQuery, journey_schemas.RangeResponse),
-    "advise": Tool(Jobs.advice, schemas.AdviceRequest, journey_schemas.AdviceResponse),
-    "advise_journey": Tool(
-        Jobs.journey_advice, journey_schemas.JourneyAdviceRequest, journey_schemas.AdviceResponse
-    ),
+    "plan": Tool(Jobs.plan, journey.PlanRequest, journey.PlanResponse),
+    "need": Tool(Jobs.distance, journey.NeedQuery, journey.NeedResponse),
+    "range": Tool(Jobs.range, journey.RangeQuery, journey.RangeResponse),
+    "advise": Tool(Jobs.advice, schemas.AdviceRequest, journey.AdviceResponse),
+    "advise_journey": Tool(Jobs.journey_advice, journey.JourneyAdviceRequest, journey.AdviceResponse),
     "forecast": Tool(Jobs.forecast, schemas.ForecastRequest, ForecastResponse),
     "diary": Tool(_show_diary, DiaryRequest, car_schemas.CarResponse),
     "cars": Tool(lambda jobs, _: jobs.cars.list(), StrictModel, car_schemas.CarsResponse),
