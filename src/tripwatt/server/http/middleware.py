@@ -51,6 +51,7 @@ SECURITY_HEADERS: Final = {
     "Cross-Origin-Opener-Policy": "same-origin",
     "Cross-Origin-Resource-Policy": "same-origin",
     "Permissions-Policy": "camera=(), geolocation=(self), microphone=(), payment=(), usb=()",
+    "Cache-Control": "no-store",
 }
 
 
@@ -179,8 +180,10 @@ class _Exchange:
 
         async def send_on(message: Message) -> None:
             if message["type"] == "http.response.start":
-                self.status = message["status"]
-                self._add_headers(message)
+                self.status, headers = message["status"], MutableHeaders(scope=message)
+                headers["X-Request-ID"] = self.request_id
+                for name, value in SECURITY_HEADERS.items():
+                    headers.setdefault(name, value)
             elif message["type"] == "http.response.body":
                 self.sent_bytes += len(message.get("body", b""))
                 self.finished = not message.get("more_body", False)
@@ -208,13 +211,6 @@ class _Exchange:
         if self.status:  # the response has begun: only closing the connection can report the failure
             raise RuntimeError(f"failed during the response: {problem.kind}") from problem
         await problem.response(self.request_id)(self.scope, receive, send_on)
-
-    def _add_headers(self, message: Message) -> None:
-        headers = MutableHeaders(scope=message)
-        headers["X-Request-ID"] = self.request_id
-        for name, value in SECURITY_HEADERS.items():
-            headers.setdefault(name, value)
-        headers.setdefault("Cache-Control", "no-store")
 
     def _log(self, error: str) -> None:
         seconds = time.perf_counter() - self.started
