@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import time
 import urllib.request
 from collections.abc import Callable, Iterator, Mapping
@@ -96,9 +97,7 @@ def depart(settings: Settings) -> Drive:
     samples = _samples(trip, begins_s)
     with Car.follow(settings.cars / CAR) as car:
         car.set_plan({**trip["request"]}, begins_s)
-        for time_s, values in samples:
-            if time_s > time.time():
-                break
+        for time_s, values in itertools.takewhile(lambda sample: sample[0] <= time.time(), samples):
             car.record(Sample(time_s, values))
     return samples
 
