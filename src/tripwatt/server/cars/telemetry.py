@@ -42,6 +42,12 @@ OWN_VOLTAGE_V: Final = 370.0
 MAX_POWER_W: Final = 2e6
 """Largest battery power; that of a lorry on a megawatt charger is below."""
 
+BOUNDS: Final = {name: column.bounds for name, column in COLUMNS.items()} | {
+    POWER: (-MAX_POWER_W, MAX_POWER_W),
+    "": (-math.inf, math.inf),
+}
+"""Bounds of the values of a column; those of the empty name are of a time."""
+
 
 @dataclass(frozen=True, slots=True)
 class Sample:
@@ -216,7 +222,7 @@ def format_of(source: str) -> MessageFormat:
 
 def is_sound(column: str, value: float) -> bool:
     """Whether a value is within the bounds of its column; NaN is not."""
-    low, high = _bounds(column)
+    low, high = BOUNDS[column]
     return low <= value <= high
 
 
@@ -238,12 +244,6 @@ def number_of(value: Any) -> float:
         return math.nan
 
 
-def _bounds(column: str) -> tuple[float, float]:
-    if column == POWER:
-        return -MAX_POWER_W, MAX_POWER_W
-    return COLUMNS[column].bounds if column else (-math.inf, math.inf)
-
-
 def _number(
     message: Mapping[str, Any], name: str, column: tuple[str, float, float], faults: list[Fault]
 ) -> float | None:
@@ -254,7 +254,7 @@ def _number(
     value = number_of(raw) * factor + offset
     if math.isfinite(value) and is_sound(ours, value):
         return value
-    low, high = sorted((bound - offset) / factor for bound in _bounds(ours))
+    low, high = sorted((bound - offset) / factor for bound in BOUNDS[ours])
     allowed = f"{low:g} to {high:g}" if ours else "a number"
     faults.append(Fault("value out of range", name, excerpt(raw), allowed))
     return None
