@@ -301,8 +301,7 @@ class TripFinder:
             return True
         if sample.time_s - trip.start_s >= MAX_DURATION_S:
             return True
-        speed = sample.values.get("speed_m_s")
-        if speed is None or speed >= MOVING_M_S:
+        if sample.values.get("speed_m_s", MOVING_M_S) >= MOVING_M_S:
             return False
         stood_s = min(trip.stood_s, max(trip.moved_s, sample.time_s - HOLD_S))  # a gap is no standstill
         return sample.time_s - stood_s >= (PARKED_S if sample.parked else STANDING_S)
