@@ -121,10 +121,8 @@ def _read_trips(car: str, live: Path, db: Database) -> None:
         try:
             start = dt.datetime.strptime(name, "%Y%m%dT%H%M%SZ").replace(tzinfo=dt.UTC)
             log_name, start_s, is_learned = f"{car}-{name}", start.timestamp(), name in taught
-            values = (start_s, is_learned, log_name)
-            if not db.execute(
-                "UPDATE trips SET start_s = ?, is_learned = ? WHERE trip_id = ?", values
-            ).rowcount:
+            change = "UPDATE trips SET start_s = ?, is_learned = ? WHERE trip_id = ?"
+            if not db.execute(change, (start_s, is_learned, log_name)).rowcount:
                 context = Context(started_at=start.astimezone().replace(tzinfo=None))
                 row = row_of_log(Log.from_samples(log_name, read_canonical(path), context))
                 db.put_logs([row], start_s=start_s, is_learned=is_learned)
@@ -132,8 +130,7 @@ def _read_trips(car: str, live: Path, db: Database) -> None:
             unread[path.name] = read_file(path).decode("utf-8", "replace")
         else:
             db.put_forecasts(start_s, _read_forecasts(path.with_name(f"{name}.forecasts.json")))
-    if unread:
-        db.put_settings({"unread": unread})
+    db.put_settings({"unread": unread or None})
 
 
 def _read_forecasts(path: Path) -> tuple[MadeForecast, ...]:
