@@ -216,15 +216,10 @@ class Car(LiveCar):
         InvalidInput
             When a log was resampled, or the car cannot be written.
         """
-        raw_logs = [
-            replace(log, context=replace(log.context, car=None))
-            for log in (logs.logs if isinstance(logs, TripSet) else logs)
-        ]
-        raise_faults(
-            Fault("not a raw log", log.trip_id, f"means over {log.step_s} s")
-            for log in raw_logs
-            if log.step_s is not None
-        )
+        given = logs.logs if isinstance(logs, TripSet) else logs
+        raw_logs = [replace(log, context=replace(log.context, car=None)) for log in given]
+        resampled = [log for log in raw_logs if log.step_s is not None]
+        raise_faults(Fault("not a raw log", log.trip_id, f"means over {log.step_s} s") for log in resampled)
         rows = [row_of_log(log) for log in raw_logs]
         with system_errors("cannot write the car", f"{self.folder}", "a writable folder with space"):
             with self.file.write() as db:
