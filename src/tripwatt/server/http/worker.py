@@ -145,9 +145,6 @@ def chosen_fields(document: Any, fields: str | None) -> Any:
     if fields is None:
         return document
     names = fields.split(",")
-    raise_faults(
-        Fault("unknown field", "query.fields", excerpt(name), ", ".join(document))
-        for name in names
-        if name not in document
-    )
+    allowed, unknown = ", ".join(document), [name for name in names if name not in document]
+    raise_faults(Fault("unknown field", "query.fields", excerpt(name), allowed) for name in unknown)
     return {name: document[name] for name in names}
