@@ -20,8 +20,7 @@ from pydantic_core._pydantic_core import list_all_errors
 
 import tripwatt
 from tripwatt.errors import and_more
-from tripwatt.server.http.problems import TITLES
-from tripwatt.server.http.schemas import WORDS
+from tripwatt.server.http.problems import TITLES, WORDS
 from tripwatt.trips.messages import catalogue
 
 PACKAGE: Final = Path(tripwatt.__file__).parent
@@ -310,9 +309,9 @@ def _of_sources() -> Iterator[tuple[str, str, str]]:
 
 def _of_documents() -> Iterator[tuple[str, str, str]]:
     for error in list_all_errors():
-        if DOCUMENT_ERRORS.fullmatch(error["type"]) and error["type"] not in WORDS:
+        if DOCUMENT_ERRORS.fullmatch(error["type"]) and error["type"] not in WORDS["faults"]:
             yield re.sub(r"\{\w+\}", HOLE, error["message_template_python"]), "pydantic", "text"
-    for texts in WORDS.values():
+    for texts in WORDS["faults"].values():
         yield from ((re.sub(r"\{\w+\}", HOLE, text), "words", "text") for text in texts if text)
 
 

@@ -20,7 +20,7 @@ from tripwatt.server.http import car_schemas, schemas
 from tripwatt.server.http import journey_schemas as journey
 from tripwatt.server.http.jobs import Jobs
 from tripwatt.server.http.openapi import Schemas
-from tripwatt.server.http.problems import TITLES, Problem
+from tripwatt.server.http.problems import TITLES, WORDS, Problem
 from tripwatt.server.http.schemas import StrictModel, check_request, parse_json
 
 LEFT_OUT: Final = ("series", "samples", "line", "course", "links", "learning")
@@ -84,20 +84,6 @@ CHANGING: Final = ("new_car",)
 OF_MAP: Final = ("plan", "advise_journey")
 OF_CARS: Final = ("diary", "cars", "new_car")
 """Tools that need a map, and tools that need a folder of cars; without these they are not offered."""
-
-ABOUT: Final[Mapping[str, str]] = {
-    "plan": "Plan a journey from place to place: whether it arrives and with what charge, stops to charge, other roads. Needs a map.",
-    "need": "What a distance needs, or a usual trip of a car: energy, the charge to leave with, and when to charge and preheat. Needs no map.",
-    "range": "How far a charge carries, by kind of road. Needs no map.",
-    "advise": "What to do about a trip that is given by its links or samples: the least that makes it arrive, and what each action saves.",
-    "advise_journey": "What to do about a journey from place to place: the least that makes it arrive, and what each action saves. Needs a map.",
-    "forecast": "Energy and charge at arrival of a trip that is given by its links or samples, with their intervals.",
-    "diary": "What a car learned from its trips, how good its forecasts were, and its last trips.",
-    "cars": "The cars that learn from their trips.",
-    "vehicles": "Cars of the library, by words.",
-    "new_car": "Make a car that learns from its trips.",
-}
-"""Descriptions of the tools."""
 
 
 def make_server(jobs: Jobs, *, changes: bool = False, remote: bool = False) -> Server[Any]:
@@ -174,7 +160,7 @@ def _describe_tool(name: str, remote: bool) -> types.Tool:
     hints = types.ToolAnnotations(read_only_hint=reads, destructive_hint=False, open_world_hint=remote)
     return types.Tool(
         name=name,
-        description=ABOUT[name],
+        description=WORDS["tools"][name],
         input_schema=tool.takes.model_json_schema(),
         output_schema=_without_long_fields(
             TypeAdapter(tool.gives).json_schema(mode="serialization", schema_generator=Schemas)

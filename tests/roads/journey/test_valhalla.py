@@ -179,10 +179,10 @@ def test_alternatives_are_other_roads(atlas: Atlas) -> None:
 def test_the_area_of_reach_of_a_small_charge(atlas: Atlas, model: tw.ForecastModel) -> None:
     start = atlas.places.search("Vaduz", limit=1)[0]
     drive = RoadForecaster(model, tw.Departure(soc=0.05, ambient_temperature_degc=10.0))
-    found = find_reach(drive, start, atlas)
+    found = find_reach(drive, start, atlas, reserve=0.0)
     sure, likely = (max(start.distance_m(p) for p in found.outlines[level]) for level in (0.95, 0.5))
     assert 500.0 < sure < likely < 15_000.0
-    more = find_reach(RoadForecaster(model, replace(drive.departure, soc=0.08)), start, atlas)
+    more = find_reach(RoadForecaster(model, replace(drive.departure, soc=0.08)), start, atlas, reserve=0.0)
     assert max(start.distance_m(p) for p in more.outlines[0.95]) > sure
 
 

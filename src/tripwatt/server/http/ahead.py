@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import datetime as dt
 import time
 from collections.abc import Awaitable, Mapping
 from typing import TYPE_CHECKING, Any, Final
@@ -53,16 +54,17 @@ class Ahead:
         Problem
             `no-plan` if there is neither a plan nor a usual trip.
         """
-        departure_s = time.time() if query.departs_at is None else query.departs_at.timestamp()
-        plan = await self.cars.run(car.plan_at, departure_s)
+        departs_at = query.departs_at or dt.datetime.now(dt.UTC)
+        plan = await self.cars.run(car.plan_at, departs_at.timestamp())
         if plan is None:
             raise Problem("no-plan", "no plan, and no earlier trip at this time of day")
         changed = query.model_dump(include={"reserve", "ambient_temperature_degc"}, exclude_unset=True)
-        job = await self._job_about(car, {**plan.request, **changed})
+        job = await self._job_about(car, {**plan.request, **changed, "departs_at": departs_at})
         # only the charge of the plan is that of the departure
         soc, job["last_message"]["soc"] = job["last_message"]["soc"], None
-        options = query.model_dump(include={"probability", "plug_w"}) | {"departure_s": departure_s}
-        options |= {"usual_trip": plan.usual_trip, "soc": None if car.trip is not None else soc}
+        asked = query.model_dump(include={"probability", "plug_w"})
+        asked["soc"] = None if car.trip is not None else soc
+        options = {"asked": asked, "usual_trip": plan.usual_trip}
         body = job.pop("body")
         return await self.cars.pool.run({"kind": "need", "options": options, **job}, body)
 

@@ -16,11 +16,8 @@ from tripwatt.server.http.schemas import (
     LibraryCar,
     ResponseModel,
     StrictModel,
-    Time,
-    departure_field,
 )
 from tripwatt.sources.mapping import UNITS
-from tripwatt.trips import ASKED
 from tripwatt.trips.reading import Group
 
 
@@ -334,23 +331,11 @@ class TelemetryResponse(ResponseModel):
     """values that cannot be one"""
 
 
-class LiveDeparture(StrictModel):
-    """When a car leaves."""
-
-    departs_at: Time | None = departure_field("departs_at", ASKED["departs_at"])[1]
-    """departure; default: the start of the trip. Earlier messages do not count"""
-    destination: str | None = Field(None, max_length=200)
-    """where the trip ends, in words"""
-
-    @property
-    def departure_s(self) -> float | None:
-        """Departure [s since 1970]."""
-        return None if self.departs_at is None else self.departs_at.timestamp()
-
-
-class LivePlanRequest(LiveDeparture, ForecastRequest):
+class LivePlanRequest(ForecastRequest):
     """The trip that a car is on or that comes next. What the plan leaves unknown of the departure is that of the car's messages."""
 
+    destination: str | None = Field(None, max_length=200)
+    """where the trip ends, in words"""
     stops: list[Stop] | None = Field(None, min_length=2, max_length=20)
     """places in their order, in place of the road: its road is the fastest one between them"""
 

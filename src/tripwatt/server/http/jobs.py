@@ -58,6 +58,11 @@ MAX_TRANSFERRED: Final = 64
 """Most models on other cars that a worker keeps; the least recently used is dropped first. A choice."""
 
 
+Known = Mapping[str, Any]
+NOTHING: Final[Known] = {}
+"""What the last messages of a car show, or nothing."""
+
+
 @dataclass(frozen=True)
 class Jobs:
     """The models of the service and the jobs that use them.
@@ -201,20 +206,13 @@ class Jobs:
         forecast, now = self._make_forecast(request), dt.datetime.now(dt.UTC)
         return advise(forecast, reserve=request.reserve, probability=request.probability, now=now).to_dict()
 
-    def need(
-        self, request: ForecastRequest, options: Mapping[str, Any], last_message: Mapping[str, Any]
-    ) -> dict[str, Any]:
+    def need(self, request: ForecastRequest, options: Known, last_message: Known) -> dict[str, Any]:
         """Return what the next trip of a car on the road needs, as `NeedResponse`; `request` is its plan."""
-        plan, departs_at = (
-            request.plan(self.limits),
-            dt.datetime.fromtimestamp(options["departure_s"], dt.UTC),
-        )
-        departure = replace(plan.departure.merge(departure_of(request)), departs_at=departs_at)
-        asked = {name: options[name] for name in ("probability", "plug_w", "soc")} | {
-            "reserve": request.reserve
-        }
+        plan = request.plan(self.limits)
+        departure = plan.departure.merge(departure_of(request))
         about = {"car": last_message["car"], "usual_trip": options["usual_trip"]}
-        return _needed(plan, "trip", departure, last_message, about, model=self.model_of(request), **asked)
+        asked = {"model": self.model_of(request), "reserve": request.reserve, **options["asked"]}
+        return _needed(plan, "trip", departure, last_message, about, **asked)
 
     def plan(self, request: journey.PlanRequest) -> dict[str, Any]:
         """Plan a journey: roads, their forecasts, the charge to leave with, a charging stop."""
@@ -231,44 +229,35 @@ class Jobs:
         """Return the area that the charge reaches with 95 % and with 50 %."""
         return self.journeys.reach(request, self.model_of(request))
 
-    def distance(
-        self, request: journey.NeedQuery, last_message: Mapping[str, Any] | None = None
-    ) -> dict[str, Any]:
+    def distance(self, request: journey.NeedQuery, last_message: Known = NOTHING) -> dict[str, Any]:
         """Return the response to a `NeedQuery`."""
-        if (request.distance_km is None) == (request.trip is None):
-            got = "neither" if request.trip is None else "both a distance and a usual trip"
+        of_trip, car = request.trip is not None, request.named
+        if (request.distance_km is None) != of_trip or (of_trip and car is None):
+            alone = "a trip without its car" if of_trip else "neither"
+            got = "both a distance and a usual trip" if of_trip and request.distance_km else alone
             allowed = "a distance, or a trip of a car"
             raise InvalidInput.of("one of them is needed", "distance_km, trip", got, allowed)
-        ahead: Any = request.distance_km
-        if request.trip is not None:
-            if request.named is None:
-                got, allowed = "a trip without its car", "the car that drove the trip"
-                raise InvalidInput.of("car is missing", "car", got, allowed)
-            ahead = usual_plan(self.cars.car(request.named), request.trip)
+        ahead: Any = (
+            request.distance_km if request.trip is None else usual_plan(self.cars.car(f"{car}"), request.trip)
+        )
         asked = request.model_dump(include={"probability", "trips", "reserve", "plug_w"})
-        own = request.named if self.cars.model(request.named or "") else (last_message or {}).get("car")
+        own = car if self.cars.model(car or "") else last_message.get("car")
         about = {"usual_trip": request.trip} | ({} if own is None else {"car": own})
         asked["model"] = self.model_of(request)
         return _needed(ahead, request.kind, departure_of(request), last_message, about, **asked)
 
-    def range(
-        self, request: journey.RangeQuery, last_message: Mapping[str, Any] | None = None
-    ) -> dict[str, Any]:
+    def range(self, request: journey.RangeQuery, last_message: Known = NOTHING) -> dict[str, Any]:
         """Return the response to a `RangeQuery`."""
         model = self.model_of(request)
         departure, flags = _with_last_message(departure_of(request), last_message, model.vehicle)
         range_ = range_km(None, request.kind, departure, reserve=request.reserve, model=model)
         return replace(range_, flags=(*flags, *range_.flags)).to_dict()
 
-    def _make_forecast(
-        self, request: ForecastRequest, last_message: Mapping[str, Any] | None = None
-    ) -> Forecast:
+    def _make_forecast(self, request: ForecastRequest) -> Forecast:
         """Return the forecast of a request, updated with the observed samples of an `UpdateRequest`."""
-        plan, model = request.plan(self.limits), self.model_of(request)
-        known = plan.departure.merge(departure_of(request))
-        departure, flags = _with_last_message(known, last_message, model.vehicle)
-        forecast = model.forecast(replace(plan, trip_id=request.trip), departure)
-        forecast = replace(forecast, flags=(*flags, *forecast.flags))
+        plan = request.plan(self.limits)
+        departure = plan.departure.merge(departure_of(request))
+        forecast = self.model_of(request).forecast(replace(plan, trip_id=request.trip), departure)
         return forecast.update(request.observed) if isinstance(request, UpdateRequest) else forecast
 
     def require_known(self, field: str, name: str) -> None:
@@ -393,7 +382,7 @@ def _needed(
     ahead: Any,
     kind: str,
     departure: Departure,
-    last_message: Mapping[str, Any] | None,
+    last_message: Known,
     about: dict[str, Any],
     **asked: Any,
 ) -> dict[str, Any]:
@@ -413,14 +402,13 @@ def _with_charge(request: Any, last_message: Mapping[str, Any]) -> Any:
 
 
 def _with_last_message(
-    given: Departure, last_message: Mapping[str, Any] | None, vehicle: Vehicle
+    given: Departure, last_message: Known, vehicle: Vehicle
 ) -> tuple[Departure, tuple[Flag, ...]]:
     """Fill temperature and charge that a departure leaves out from the car's last messages; return the departure and flags.
 
     A temperature that was filled in gets a flag, and so does a car without a description. A charge gets none, because the answer
     shows it. A charge of the battery management counts as given.
     """
-    last_message = last_message or {}
     departure = given if given.bms_soc is None else replace(given, soc=given.bms_soc)
     air = "ambient_temperature_degc"
     used = {n: last_message.get(n) for n in ("soc", air) if getattr(departure, n) is None}

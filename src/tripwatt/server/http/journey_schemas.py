@@ -15,7 +15,6 @@ from tripwatt.roads.journey.verdict import Verdict
 from tripwatt.roads.maps.stations import Station
 from tripwatt.server.cars.documents import TimeText
 from tripwatt.server.http import schemas
-from tripwatt.trips import ASKED
 
 
 class ActionDocument(schemas.ResponseModel):
@@ -149,8 +148,6 @@ Stop = Annotated[str, Field(min_length=1, max_length=200)] | PlaceRequest
 
 class JourneyCar(schemas.DepartureRequest, schemas.CarRequest):
     """The car, and what is known at departure."""
-
-    departs_at: schemas.Time | None = schemas.departure_field("departs_at", ASKED["departs_at"])[1]
 
 
 class PlanRequest(JourneyCar):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
 from typing import Any, Final
 
@@ -53,7 +54,7 @@ def examples() -> dict[str, dict[str, Any]]:
     battery = load_vehicle(EXAMPLE_CAR).battery
     sample, by_trip = sample_trips(), {}
     for trip in sample.trips[::2]:  # as many as a page lists without scrolling
-        departure = trip.departure.to_dict()
+        departure = replace(trip.departure, departs_at=None).to_dict()  # of an unknown zone
         at_departure = {name: departure[name] for name in ForecastRequest.model_fields if name in departure}
         managed = float(trip.array("soc")[0])
         # converted as the bundled model converts the samples on the way, so that the curve starts at the charge of the departure

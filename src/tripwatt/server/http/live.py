@@ -28,7 +28,7 @@ from tripwatt.server.cars import Car, Follower, Sample
 from tripwatt.server.cars.folder import digest_of, setting_of
 from tripwatt.server.http.ahead import Ahead, names_car
 from tripwatt.server.http.car_jobs import CarJobs, car_folder
-from tripwatt.server.http.car_schemas import LiveDeparture
+from tripwatt.server.http.car_schemas import LivePlanRequest
 from tripwatt.server.http.jobs import Jobs, no_description_flag
 from tripwatt.server.http.journey_schemas import PlanRequest
 from tripwatt.server.http.pool import JobResult, WorkerPool, cancel_all
@@ -262,8 +262,9 @@ class LiveCars:
             Result of the forecast at departure; the plan is set if the status is 200. If the road cannot be made of stops or a route, the
             result of that.
         """
-        beside = {name: plan.get(name) for name in LiveDeparture.model_fields}
-        departure_s = check_request(beside, LiveDeparture).departure_s
+        beside = {name: plan.get(name) for name in ("departs_at", "destination")}
+        departs_at = check_request(beside, LivePlanRequest).departs_at
+        departure_s = None if departs_at is None else departs_at.timestamp()
         if plan.get("stops") is not None:
             fields = {name: plan[name] for name in PlanRequest.model_fields if name in plan}
             body = {**self.with_own_model(car, fields), "answers": False, "charge": False}
@@ -317,7 +318,7 @@ class LiveCars:
     def with_own_model(self, car: Car, request: Mapping[str, Any]) -> dict[str, Any]:
         """Return a request, of a plan without what a forecast lacks; if it names no car or model, with the name of the car's own model."""
         own = {"car": car.name} if car.is_described and not names_car(request) else {}
-        plan_only = LiveDeparture.model_fields if {"links", "samples"} & request.keys() else {}
+        plan_only = ("destination",) if {"links", "samples"} & request.keys() else ()
         return {name: value for name, value in request.items() if name not in plan_only} | own
 
     def _model(self, car: Car, request: Mapping[str, Any]) -> ForecastModel:

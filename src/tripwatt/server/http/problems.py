@@ -11,6 +11,7 @@ import orjson
 from starlette.responses import Response
 
 from tripwatt.errors import Fault
+from tripwatt.files import shipped_toml
 
 MEDIA_TYPE: Final = "application/problem+json"
 MAX_FAULTS: Final = 50
@@ -27,27 +28,11 @@ OUTSIDE: Final = ("query.", "path.", "header.")
 SAFE_METHODS: Final = frozenset({"GET", "HEAD", "OPTIONS"})
 """Methods of requests that change nothing."""
 
+WORDS: Final[Mapping[str, Any]] = shipped_toml("server/http/words.toml")
+"""Texts of the service."""
+
 TITLES: Final[Mapping[str, tuple[int, str]]] = {
-    "not-json": (400, "The body is not JSON"),
-    "bad-request": (400, "The request is malformed"),
-    "host-not-served": (400, "The host is not served"),
-    "token-needed": (401, "A token is required"),
-    "foreign-site": (403, "Another site sent the request"),
-    "not-found": (404, "The resource does not exist"),
-    "no-such-car": (404, "The car does not exist"),
-    "no-plan": (404, "The car has no plan"),
-    "method-not-allowed": (405, "The method is not allowed"),
-    "name-taken": (409, "The name is taken"),
-    "body-late": (408, "The body did not arrive in time"),
-    "too-large": (413, "The body is too large"),
-    "media-type": (415, "The media type is not supported"),
-    "invalid-input": (422, "The input is invalid"),
-    "internal": (500, "Internal error"),
-    "no-map": (501, "The service has no map"),
-    "no-live": (501, "The service keeps no cars"),
-    "remote": (502, "A server that was asked did not answer"),
-    "busy": (503, "The service is busy"),
-    "timeout": (504, "The computation timed out"),
+    kind: (row[0], row[1]) for kind, row in WORDS["problems"].items()
 }
 """Kind of problem -> status and title; its type is the path `/problems/KIND`."""
 

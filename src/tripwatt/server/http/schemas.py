@@ -37,7 +37,7 @@ from tripwatt.routes import LinkRoute, route_from_links
 from tripwatt.routes.link_objects import route_with_elevation
 from tripwatt.server.cars.documents import ProblemFault
 from tripwatt.server.cars.telemetry import FIRST_TIME_S, LAST_TIME_S
-from tripwatt.server.http.problems import TITLES, Problem
+from tripwatt.server.http.problems import TITLES, WORDS, Problem
 from tripwatt.server.http.settings import Limits
 from tripwatt.sources.canonical import MIN_SAMPLES, canonical_samples
 from tripwatt.trips import ASKED, COLUMNS, LINK_COLUMNS, QUANTITIES, Column, Departure, Plan
@@ -297,40 +297,6 @@ class VehicleFigures(StrictModel):
     """name for people"""
 
 
-WORDS: Final[Mapping[str, tuple[str, str]]] = {
-    "missing": ("missing field", ""),
-    "extra_forbidden": ("unknown field", ""),
-    "greater_than": ("out of range", "more than {gt}"),
-    "greater_than_equal": ("out of range", "{ge} or more"),
-    "less_than": ("out of range", "less than {lt}"),
-    "less_than_equal": ("out of range", "at most {le}"),
-    "finite_number": ("not a finite number", ""),
-    "float_type": ("not a number", "a number"),
-    "float_parsing": ("not a number", "a number"),
-    "int_type": ("not a whole number", "a whole number"),
-    "int_parsing": ("not a whole number", "a whole number"),
-    "int_from_float": ("not a whole number", "a whole number"),
-    "bool_type": ("not true or false", "true or false"),
-    "bool_parsing": ("not true or false", "true or false"),
-    "string_type": ("not a text", "a text"),
-    "list_type": ("not a list", "a list"),
-    "tuple_type": ("not a list", "a list"),
-    "dict_type": ("not an object", "an object"),
-    "model_type": ("not an object", "an object"),
-    "model_attributes_type": ("not an object", "an object"),
-    "literal_error": ("not one of the choices", "{expected}"),
-    "too_short": ("too few entries", "at least {min_length}"),
-    "too_long": ("too many entries", "at most {max_length}"),
-    "string_too_short": ("text too short", "at least {min_length}"),
-    "string_too_long": ("text too long", "at most {max_length}"),
-    "string_pattern_mismatch": ("text of another form", "{pattern}"),
-    "datetime_type": ("not a time", "such as 2026-01-12T07:30:00+01:00"),
-    "datetime_parsing": ("not a time", "such as 2026-01-12T07:30:00+01:00"),
-    "datetime_from_date_parsing": ("not a time", "such as 2026-01-12T07:30:00+01:00"),
-    "timezone_aware": ("time without its zone", "such as 2026-01-12T07:30:00+01:00"),
-}
-"""Kind of pydantic's error -> our words for it, and what is allowed."""
-
 NAME, DOCUMENT = "(name)", "(document)"
 """Tags of the two forms of a field. Places of faults leave them out; no field can have such a name."""
 
@@ -401,12 +367,14 @@ if TYPE_CHECKING:
     class DepartureRequest(StrictModel):
         """What is known at departure: the fields of `tripwatt.trips.departure.ASKED`."""
 
+        departs_at: dt.datetime | None
+
 else:
     DepartureRequest = create_model(
         "DepartureRequest",
         __base__=StrictModel,
         __doc__="What is known at departure.",
-        **{name: departure_field(name, field) for name, field in ASKED.items() if name != "departs_at"},
+        **{name: departure_field(name, field) for name, field in ASKED.items()},
     )
 
 
@@ -696,7 +664,7 @@ def faults_of(errors: Iterable[Mapping[str, Any]], known: Iterable[str]) -> Iter
             continue
         is_unknown = number < MAX_HINTS and error["type"] == "extra_forbidden"
         fix = did_you_mean(str(steps[-1]), known) if is_unknown else ""
-        what, allowed = WORDS.get(error["type"], (error["msg"], ""))
+        what, allowed = WORDS["faults"].get(error["type"], (error["msg"], ""))
         bounds = {n: f"{v:g}" if isinstance(v, float) else v for n, v in error.get("ctx", {}).items()}
         where, allowed = ".".join(map(str, steps))[:80], allowed.format(**bounds)
         yield Fault(what, where or "body", excerpt(error.get("input"), 80), allowed, fix)
