@@ -28,8 +28,10 @@ from tools.command import run
 import tripwatt as tw
 from benchmarks.measure import Row, report
 from tripwatt.errors import InvalidInput
-from tripwatt.server.cars import Car, sample_from_abrp, sender
+from tripwatt.server.cars import sender
+from tripwatt.server.cars.car import Car
 from tripwatt.server.cars.live_trip import MOVING_M_S
+from tripwatt.server.cars.telemetry import sample_from_abrp
 from tripwatt.sources.tum import REFERENCE_TRIPS
 from tripwatt.units import SECONDS_PER_DAY
 

@@ -44,7 +44,9 @@ from tools.command import run
 import tripwatt as tw
 from benchmarks.measure import Row, not_measured, report
 from tripwatt.forecasting import Forecast
-from tripwatt.server.cars import Car, TopicJoiner, issue_token
+from tripwatt.server.cars.car import Car
+from tripwatt.server.cars.folder import issue_token
+from tripwatt.server.cars.topics import TopicJoiner
 from tripwatt.server.http.schemas import BMS_SOC
 from tripwatt.sources.tum import REFERENCE_TRIPS
 from tripwatt.trips import COLUMNS, Plan, Trip

@@ -18,8 +18,8 @@ from tools.command import run
 
 from benchmarks.measure import Row, report
 from tripwatt.population import adapting, population
-from tripwatt.server.cars import create_car
 from tripwatt.server.cars.diary import Score
+from tripwatt.server.cars.folder import create_car
 from tripwatt.sources import read_logs
 from tripwatt.trips import TripSet
 

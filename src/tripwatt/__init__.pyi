@@ -8,7 +8,7 @@ from .forecasting.leaving import leaving_with, soc_needed
 from .population import for_car
 from .roads.advice import Advice, advise
 from .roads.journey import Journey, Need, Range, need, plan_journey, range_km
-from .server.cars import create_car, open_car
+from .server.cars.folder import create_car, open_car
 from .sources import read_logs
 from .sources.sample import sample_trips
 from .study.evaluation import evaluate

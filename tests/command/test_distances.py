@@ -11,7 +11,7 @@ from tests.support.command import Run
 
 import tripwatt as tw
 from tripwatt.roads.journey import need, range_km
-from tripwatt.server.cars import create_car
+from tripwatt.server.cars.folder import create_car
 from tripwatt.server.cars.plan import usual_plan
 from tripwatt.study.synthetic import VEHICLE, synthetic_fleet
 

@@ -17,7 +17,7 @@ from tripwatt.command.output import unfinished_folder, write_text
 from tripwatt.errors import InvalidInput
 from tripwatt.files import folder_lock
 from tripwatt.modelfile import require_place
-from tripwatt.server.cars import create_car, open_car
+from tripwatt.server.cars.folder import create_car, open_car
 from tripwatt.study.synthetic import synthetic_fleet
 
 WORKING = """

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 from tests.support.command import Run
 
-from tripwatt.server.cars import create_car, open_car
 from tripwatt.server.cars.car_file import FILE
+from tripwatt.server.cars.folder import create_car, open_car
 from tripwatt.study.synthetic import VEHICLE, synthetic_fleet
 
 pytest.importorskip("deltalake", reason="needs the extra tripwatt[fleet]")

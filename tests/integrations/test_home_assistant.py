@@ -18,8 +18,8 @@ from tests.support.roads import osrm
 from tests.support.router_server import answering, write_map
 from tests.support.service_process import TOKEN, Service, free_port, serving, wait_for
 
-from tripwatt.server.cars import issue_token
 from tripwatt.server.cars.discovery import SENSORS
+from tripwatt.server.cars.folder import issue_token
 
 HASS, WHY = environment()
 pytestmark = pytest.mark.skipif(HASS is None, reason=WHY)

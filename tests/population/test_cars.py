@@ -16,7 +16,8 @@ import tripwatt as tw
 from tripwatt.forecasting import load_model, save_model
 from tripwatt.forecasting.leaving import leaving_with
 from tripwatt.population import adaptation, for_car
-from tripwatt.server.cars import Car, Sample
+from tripwatt.server.cars.car import Car
+from tripwatt.server.cars.telemetry import Sample
 from tripwatt.server.http.car_jobs import CarJobs
 from tripwatt.server.http.jobs import Jobs
 from tripwatt.server.http.settings import Limits

@@ -38,9 +38,11 @@ from tripwatt.forecasting.storage import model_folder
 from tripwatt.modelfile import read_model, write_model
 from tripwatt.roads.maps.folder import INDEX_NAME, INFO_NAME, open_map
 from tripwatt.routes import parse_route
-from tripwatt.server.cars import Car, Sample, TopicJoiner, sample_from_abrp
+from tripwatt.server.cars.car import Car
 from tripwatt.server.cars.car_file import text_of
 from tripwatt.server.cars.folder import setting_of
+from tripwatt.server.cars.telemetry import Sample, sample_from_abrp
+from tripwatt.server.cars.topics import TopicJoiner
 from tripwatt.server.http.jobs import Jobs
 from tripwatt.server.http.problems import Problem
 from tripwatt.server.http.settings import Limits

@@ -53,7 +53,8 @@ def run(text):
 """
 
 LIVE: Final = """
-from tripwatt.server.cars import Car, Sample
+from tripwatt.server.cars.car import Car
+from tripwatt.server.cars.telemetry import Sample
 T0 = 1_700_000_000.0
 def samples(text):
     shift = 0.0 if text == "old" else 3600.0
@@ -86,7 +87,7 @@ CAR: Final = """
 from tripwatt.forecasting import load_model
 load_model()
 from dataclasses import replace
-from tripwatt.server.cars import create_car, is_car, open_car
+from tripwatt.server.cars.folder import create_car, is_car, open_car
 from tripwatt.study.synthetic import synthetic_fleet
 LOGS = [replace(log, samples=log.samples.iloc[:500]) for log in synthetic_fleet(2).logs]
 if out.exists() and (with_old or is_car(out)):
@@ -106,7 +107,9 @@ def run(text):
 LEARN: Final = """
 from tripwatt.forecasting import load_model
 load_model()
-from tripwatt.server.cars import Car, Sample, create_car, is_car, open_car
+from tripwatt.server.cars.car import Car
+from tripwatt.server.cars.folder import create_car, is_car, open_car
+from tripwatt.server.cars.telemetry import Sample
 from tripwatt.study.synthetic import synthetic_fleet
 ROWS = synthetic_fleet(1).logs[0].samples.iloc[:500].to_dict("records")
 STARTS = {"old": [1_700_000_000.0], "new": [1_700_000_000.0, 1_700_100_000.0]}

@@ -22,7 +22,8 @@ from tools.quality import probe
 from tripwatt.errors import InvalidInput
 from tripwatt.forecasting import Forecast, ForecastModel
 from tripwatt.routes import plan_on_links
-from tripwatt.server.cars import Car, Sample
+from tripwatt.server.cars.car import Car
+from tripwatt.server.cars.telemetry import Sample
 from tripwatt.study.evaluation import Execution
 from tripwatt.study.evaluation.forecast_data import measured_log
 from tripwatt.study.synthetic import synthetic_fleet

@@ -18,7 +18,8 @@ from tripwatt.errors import raise_faults, system_errors
 if TYPE_CHECKING:
     import pandas as pd
 
-    from tripwatt.server.cars import Car, Learned
+    from tripwatt.server.cars.car import Car
+    from tripwatt.server.cars.learning import Learned
 
 
 CarArgument = Annotated[Path, argument("CAR", "Folder of the car, made by `tripwatt car new`.")]
@@ -184,7 +185,7 @@ def token(car: Annotated[Path, argument("CAR", "Folder of the car; made where it
       # follow the cars of the folder
       tripwatt serve --cars cars
     """
-    from tripwatt.server.cars import issue_token
+    from tripwatt.server.cars.folder import issue_token
 
     issued = issue_token(car)
     return Answer({"car": f"{car}", "token": issued}, issued)
@@ -198,7 +199,7 @@ def forget(car: CarArgument) -> Answer:
       # erase everything of it
       tripwatt car forget cars/my-leaf
     """
-    from tripwatt.server.cars import forget_car
+    from tripwatt.server.cars.folder import forget_car
 
     forget_car(car)
     return Answer({"forgotten": f"{car}"}, f"{car}: erased")

@@ -20,7 +20,7 @@ from tripwatt.command.printing import print_notes, say
 from tripwatt.errors import Check, Fault, InvalidInput, excerpt, raise_faults, require_extras, system_errors
 
 if TYPE_CHECKING:
-    from tripwatt.server.cars import MqttSettings
+    from tripwatt.server.cars.following import MqttSettings
 
 
 def serve(
@@ -120,7 +120,7 @@ def _mqtt_of(
     InvalidInput
         If the URL is invalid, `_car_and_topic` raises, a car is given twice, or an option has no effect.
     """
-    from tripwatt.server.cars import Broker, MqttSettings
+    from tripwatt.server.cars.following import Broker, MqttSettings
     from tripwatt.server.http.settings import PASSWORD_VARIABLE
 
     with Check() as check:
@@ -155,8 +155,8 @@ def _car_and_topic(given: str) -> tuple[str, tuple[str, str]]:
     >>> _car_and_topic("my-3=teslamate:teslamate/cars/1")
     ('my-3', ('teslamate', 'teslamate/cars/1'))
     """
-    from tripwatt.server.cars import TopicJoiner
     from tripwatt.server.cars.live_car import VALID_NAME
+    from tripwatt.server.cars.topics import TopicJoiner
 
     parts = re.fullmatch(f"({VALID_NAME.pattern})=([^:]+):(.+)", given)
     if parts is None:

@@ -187,7 +187,7 @@ def model_of(folder: Path | None) -> tw.ForecastModel:
     """
     # car.json is from an older version
     if folder is not None and any((folder / name).is_file() for name in ("car.sqlite", "car.json")):
-        from tripwatt.server.cars import is_car  # slow to import, and most folders are models
+        from tripwatt.server.cars.folder import is_car  # slow to import, and most folders are models
 
         if is_car(folder):
             return tw.open_car(folder).model()

@@ -26,12 +26,6 @@ from tripwatt.server.http.schemas import StrictModel, check_request, parse_json
 LEFT_OUT: Final = ("series", "samples", "line", "course", "links", "learning")
 """Fields of answers that an assistant does not get: thousands of numbers for figures and maps, and the state of a job."""
 
-INSTRUCTIONS: Final = (
-    "Forecasts for electric cars. Energies are in Wh; charges and probabilities are fractions from 0 to 1. Give intervals and probabilities "
-    "with every figure, and what the flags say was assumed. Where a description has /v1/vehicles or /v1/cars, the tool of that name lists them. "
-    "Journeys from place to place are offered where `tripwatt mcp` was started with --map MAP, cars that learn with --cars FOLDER."
-)
-
 
 class DiaryRequest(StrictModel):
     """A car that learns from its trips."""
@@ -135,7 +129,10 @@ def make_server(jobs: Jobs, *, changes: bool = False, remote: bool = False) -> S
         text = orjson.dumps(_without_long_fields(document))
         return _tool_result(text.decode(), structured_content=orjson.loads(text))
 
-    description: dict[str, Any] = {"version": tripwatt.__version__, "instructions": INSTRUCTIONS}
+    description: dict[str, Any] = {
+        "version": tripwatt.__version__,
+        "instructions": WORDS["assistants"]["instructions"],
+    }
     return Server("tripwatt", **description, on_list_tools=list_tools, on_call_tool=call_tool)
 
 

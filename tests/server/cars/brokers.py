@@ -20,8 +20,10 @@ from tests.server.cars.messages import NOON_S, abrp_messages, over_a_bad_connect
 from tests.support.service_process import free_port
 
 from tripwatt.forecasting import Forecast
-from tripwatt.server.cars import Broker, Car, Follower, MqttSettings, Sample, sample_from_abrp
+from tripwatt.server.cars.car import Car
+from tripwatt.server.cars.following import Broker, Follower, MqttSettings
 from tripwatt.server.cars.live_trip import SILENCE_S
+from tripwatt.server.cars.telemetry import Sample, sample_from_abrp
 
 MOSQUITTO: Final = shutil.which("mosquitto") or shutil.which("/usr/sbin/mosquitto")
 PART: Final = 25

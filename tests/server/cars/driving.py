@@ -7,7 +7,8 @@ from typing import Final
 from tests.server.cars.messages import NOON_S
 
 import tripwatt as tw
-from tripwatt.server.cars import Car, Sample
+from tripwatt.server.cars.car import Car
+from tripwatt.server.cars.telemetry import Sample
 
 NOW_S: Final = NOON_S + 1e6
 MODEL: Final = tw.load_model()

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from tripwatt.server.cars import Sample
+from tripwatt.server.cars.telemetry import Sample
 
 NOON_S = 1_700_000_000.0
 """Departure of every replayed trip [s since 1970]."""

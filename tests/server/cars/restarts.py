@@ -15,8 +15,10 @@ from tests.server.cars.brokers import broker, follower_of, subscribed, until
 from tests.server.cars.messages import abrp_messages, measured
 from tests.support.drives import example_trip
 
-from tripwatt.server.cars import Car, MqttSettings, Sample, sample_from_abrp
+from tripwatt.server.cars.car import Car
+from tripwatt.server.cars.following import MqttSettings
 from tripwatt.server.cars.live_trip import SILENCE_S
+from tripwatt.server.cars.telemetry import Sample, sample_from_abrp
 
 GROUP: Final = 20
 """Messages between two moments: fewer seconds than a message may be late."""

@@ -35,11 +35,13 @@ pytest.importorskip("fastapi", reason="the extra tripwatt[service] is not instal
 
 import tripwatt as tw
 from tripwatt.errors import InvalidInput
-from tripwatt.server.cars import Sample, car_file, create_car, forget_car, open_car
+from tripwatt.server.cars import car_file
 from tripwatt.server.cars import folder as folders
 from tripwatt.server.cars.car_file import FILE, CarFile, Database
 from tripwatt.server.cars.diary import BOOK, FORECAST, NUMBERS, Diary, Score
+from tripwatt.server.cars.folder import create_car, forget_car, open_car
 from tripwatt.server.cars.learning import Learner, Lesson
+from tripwatt.server.cars.telemetry import Sample
 from tripwatt.server.http.car_jobs import CarJobs
 from tripwatt.server.http.car_schemas import LogsRequest
 from tripwatt.server.http.live import LiveCars

@@ -15,13 +15,13 @@ import pytest
 from tests.support.full_disk import full_disk
 
 from tripwatt.errors import InvalidInput
-from tripwatt.server.cars import Sample, sample_from_abrp
 from tripwatt.server.cars.car_file import (
     FORMAT,
     CarFile,
     row_of_log,
     text_of,
 )
+from tripwatt.server.cars.telemetry import Sample, sample_from_abrp
 from tripwatt.study.synthetic import synthetic_fleet
 
 T0 = 1_700_000_000.0

@@ -11,9 +11,10 @@ from tests.server.cars.messages import NOON_S, abrp_messages, measured
 from tests.support.drives import example_trip
 
 from tripwatt.errors import InvalidInput
-from tripwatt.server.cars import Car, create_car, forget_car, is_car, issue_token, sample_from_abrp
-from tripwatt.server.cars.folder import digest_of, setting_of
+from tripwatt.server.cars.car import Car
+from tripwatt.server.cars.folder import create_car, digest_of, forget_car, is_car, issue_token, setting_of
 from tripwatt.server.cars.live_trip import SILENCE_S
+from tripwatt.server.cars.telemetry import sample_from_abrp
 
 LATITUDE, LONGITUDE = 48.137154, 11.576124
 DAY_S = 86_400.0

@@ -34,8 +34,11 @@ from tests.support.drives import example_trip
 
 import tripwatt as tw
 from tripwatt.errors import InvalidInput
-from tripwatt.server.cars import Broker, Car, MqttSettings, Sample, following
+from tripwatt.server.cars import following
+from tripwatt.server.cars.car import Car
 from tripwatt.server.cars.discovery import SENSORS, discovery
+from tripwatt.server.cars.following import Broker, MqttSettings
+from tripwatt.server.cars.telemetry import Sample
 
 needs_broker = pytest.mark.skipif(
     MOSQUITTO is None, reason="no mosquitto: install it from the distribution's packages"

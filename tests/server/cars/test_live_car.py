@@ -23,12 +23,13 @@ import tripwatt as tw
 from tripwatt.errors import InvalidInput
 from tripwatt.forecasting import Forecast
 from tripwatt.routes import links_of_trip
-from tripwatt.server.cars import Car, Sample, TopicJoiner
 from tripwatt.server.cars import live_car as module
-from tripwatt.server.cars.car import AIR_S
+from tripwatt.server.cars.car import AIR_S, Car
 from tripwatt.server.cars.car_file import Database
 from tripwatt.server.cars.live_trip import SILENCE_S
 from tripwatt.server.cars.sender import LATE_S
+from tripwatt.server.cars.telemetry import Sample
+from tripwatt.server.cars.topics import TopicJoiner
 from tripwatt.trips import Plan
 from tripwatt.trips.messages import flag_to_dict
 
@@ -437,7 +438,7 @@ KILLED = """
 import sys
 from pathlib import Path
 from tests.server.cars.messages import measured, samples_of
-from tripwatt.server.cars import Car
+from tripwatt.server.cars.car import Car
 from tests.support.drives import example_trip
 car = Car.follow(sys.argv[1])
 for sample in samples_of(measured(example_trip())):

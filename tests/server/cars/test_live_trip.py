@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from tripwatt.arrays import hold_last
-from tripwatt.server.cars import Sample, live_trip
+from tripwatt.server.cars import live_trip
 from tripwatt.server.cars.live_trip import (
     BEFORE_S,
     HOLD_S,
@@ -19,6 +19,7 @@ from tripwatt.server.cars.live_trip import (
     LiveTrip,
     TripFinder,
 )
+from tripwatt.server.cars.telemetry import Sample
 
 T0 = 1_700_000_000.0
 

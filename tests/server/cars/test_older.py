@@ -13,8 +13,9 @@ import pytest
 pytest.importorskip("deltalake", reason="the extra tripwatt[fleet] is not installed")
 
 from tripwatt.errors import InvalidInput
-from tripwatt.server.cars import Car, forget_car, is_car, older, open_car
-from tripwatt.server.cars.folder import digest_of, setting_of
+from tripwatt.server.cars import older
+from tripwatt.server.cars.car import Car
+from tripwatt.server.cars.folder import digest_of, forget_car, is_car, open_car, setting_of
 
 FIXTURE = Path(__file__).parents[2] / "fixtures" / "car-0.3.0.dev0.zip"
 """A Leaf that learned two of three logs and a trip of the road, has finished a second one, and is on a third; as 0.3.0.dev0 wrote it."""

@@ -18,7 +18,9 @@ from tripwatt.errors import InvalidInput
 from tripwatt.hybrid.factors import NAMES, UNITS
 from tripwatt.hybrid.learning import KINDS
 from tripwatt.population import adaptation, for_car
-from tripwatt.server.cars import Car, Learned, create_car, forget_car, is_car, issue_token, open_car
+from tripwatt.server.cars.car import Car
+from tripwatt.server.cars.folder import create_car, forget_car, is_car, issue_token, open_car
+from tripwatt.server.cars.learning import Learned
 from tripwatt.study.synthetic import synthetic_fleet
 from tripwatt.trips import Log, TripSet
 

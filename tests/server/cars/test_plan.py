@@ -13,9 +13,10 @@ from tests.support.drives import example_trip
 from tests.support.plans import request_of_samples
 
 from tripwatt.errors import Fault, InvalidInput
-from tripwatt.server.cars import Car, Sample
+from tripwatt.server.cars.car import Car
 from tripwatt.server.cars.live_trip import SILENCE_S, STANDING_S
 from tripwatt.server.cars.plan import NEAR_S, LivePlan, usual_departure
+from tripwatt.server.cars.telemetry import Sample
 from tripwatt.trips import Log
 
 

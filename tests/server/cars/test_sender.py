@@ -13,9 +13,11 @@ from hypothesis import strategies as st
 from tests.server.cars.messages import NOON_S, measured
 from tests.support.drives import example_trip
 
-from tripwatt.server.cars import Car, Sample, sender
+from tripwatt.server.cars import sender
+from tripwatt.server.cars.car import Car
 from tripwatt.server.cars.live_trip import SILENCE_S
 from tripwatt.server.cars.sender import FUTURE_S, LATE_S, MAX_WAITING, RECENT, OrderedSamples, Sender
+from tripwatt.server.cars.telemetry import Sample
 
 HOUR_S = 3600.0
 

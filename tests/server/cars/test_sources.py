@@ -12,8 +12,9 @@ import pytest
 from tests.server.cars.messages import NOON_S, measured
 
 import tripwatt as tw
-from tripwatt.server.cars import Car, TopicJoiner
+from tripwatt.server.cars.car import Car
 from tripwatt.server.cars.telemetry import format_of
+from tripwatt.server.cars.topics import TopicJoiner
 from tripwatt.sources.mapping import POWER
 
 SENDERS: Final = ("ovms", "teslamate", "abrp", "torque", "plain")

@@ -12,8 +12,9 @@ from tests.server.cars.messages import NOON_S, measured, samples_of
 
 import tripwatt as tw
 from tripwatt.errors import InvalidInput
-from tripwatt.server.cars import Car, create_car, is_car, open_car
+from tripwatt.server.cars.car import Car
 from tripwatt.server.cars.car_file import Database
+from tripwatt.server.cars.folder import create_car, is_car, open_car
 from tripwatt.server.cars.live_trip import STANDING_S
 from tripwatt.study.synthetic import synthetic_fleet
 

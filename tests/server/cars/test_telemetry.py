@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tripwatt.errors import InvalidInput
-from tripwatt.server.cars import Sample, sample_from_abrp
+from tripwatt.server.cars.telemetry import Sample, sample_from_abrp
 from tripwatt.trips import COLUMNS
 
 UTC = 1_700_000_000

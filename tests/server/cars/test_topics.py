@@ -11,8 +11,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tripwatt.errors import InvalidInput
-from tripwatt.server.cars import Sample, TopicJoiner
-from tripwatt.server.cars.topics import SLOW_HOLD_S, TIME_WAIT_S
+from tripwatt.server.cars.telemetry import Sample
+from tripwatt.server.cars.topics import SLOW_HOLD_S, TIME_WAIT_S, TopicJoiner
 
 T0 = 1_700_000_000.0
 OVMS, TESLA = "ovms/me/leaf/metric", "teslamate/cars/1"

@@ -28,7 +28,7 @@ import tripwatt as tw
 from tripwatt.errors import InvalidInput
 from tripwatt.hybrid.factors import NAMES, UNITS
 from tripwatt.hybrid.learning import KINDS
-from tripwatt.server.cars import create_car, open_car
+from tripwatt.server.cars.folder import create_car, open_car
 from tripwatt.server.http.car_jobs import CarJobs
 from tripwatt.server.http.car_schemas import LogsRequest
 from tripwatt.server.http.problems import Problem

@@ -12,8 +12,8 @@ import pytest
 
 from tripwatt.auditing import audit
 from tripwatt.errors import Fault
-from tripwatt.server.cars import is_car
 from tripwatt.server.cars.car_file import CarFile, Database
+from tripwatt.server.cars.folder import is_car
 from tripwatt.server.http.car_jobs import (
     PROGRESS,
     CarJobs,

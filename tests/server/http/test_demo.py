@@ -22,7 +22,8 @@ from tools.data import country
 
 from tripwatt.roads.maps.engine import valhalla_folder
 from tripwatt.roads.maps.extract import read_objects
-from tripwatt.server.cars import Car, open_car
+from tripwatt.server.cars.car import Car
+from tripwatt.server.cars.folder import open_car
 from tripwatt.server.http import demo
 from tripwatt.server.http.settings import Settings
 

@@ -13,7 +13,7 @@ import pytest
 from tests.server.cars.messages import abrp_messages, measured
 from tests.support.service_process import Service, serving, wait_for
 
-from tripwatt.server.cars import create_car, issue_token, open_car
+from tripwatt.server.cars.folder import create_car, issue_token, open_car
 from tripwatt.server.http import learning as module
 from tripwatt.server.http.jobs import Jobs
 from tripwatt.server.http.learning import LearningCars

@@ -30,20 +30,15 @@ from tripwatt.forecasting import Forecast, ForecastModel
 from tripwatt.forecasting.leaving import soc_needed
 from tripwatt.roads.advice.preheating import CHARGER, PLUG_W, preheating
 from tripwatt.routes import links_of_trip
-from tripwatt.server.cars import (
-    Broker,
-    Car,
-    MqttSettings,
-    Sample,
-    create_car,
-    issue_token,
-    sample_from_abrp,
-)
+from tripwatt.server.cars.car import Car
 from tripwatt.server.cars.car_file import Database
-from tripwatt.server.cars.folder import setting_of
+from tripwatt.server.cars.folder import create_car, issue_token, setting_of
+from tripwatt.server.cars.following import Broker, MqttSettings
 from tripwatt.server.cars.live_trip import SILENCE_S
+from tripwatt.server.cars.telemetry import Sample, sample_from_abrp
 from tripwatt.server.http import live as module
 from tripwatt.server.http import service as room
+from tripwatt.server.http.ahead import Ahead
 from tripwatt.server.http.app import create_app
 from tripwatt.server.http.car_jobs import CarJobs
 from tripwatt.server.http.jobs import Jobs
@@ -886,6 +881,7 @@ class Published:
         broker = MqttSettings(Broker("192.0.2.7", 1883))
         settings = Settings(cars=folder, limits=Limits(publish_every_s=3.0), mqtt=broker)
         self.cars = LiveCars(settings, self.pool, lambda **record: self.logged.append(record))  # type: ignore[arg-type]
+        self.ahead = Ahead(self.cars)
         self.car = self.cars.by_name("leaf")
 
     def take(self, sample: Sample, name: str = "leaf") -> None:

@@ -17,7 +17,7 @@ from tools.quality.page import SHOWN, choose_car
 
 pytest.importorskip("deltalake", reason="needs the extra tripwatt[fleet]")
 
-from tripwatt.server.cars import create_car
+from tripwatt.server.cars.folder import create_car
 from tripwatt.sources.sample import sample_trips
 from tripwatt.study.synthetic import synthetic_fleet
 from tripwatt.trips import Log

@@ -19,7 +19,7 @@ pytest.importorskip("deltalake", reason="needs the extra tripwatt[fleet]")
 from tests.support.drives import example_trip
 from tools.quality.page import SHOWN, choose_car
 
-from tripwatt.server.cars import create_car
+from tripwatt.server.cars.folder import create_car
 
 PLAN = {
     "links": [{"length_m": 18_000.0, "speed_m_s": 14.0}],

@@ -415,7 +415,7 @@ class Car(LiveCar):
         Examples
         --------
         >>> import tempfile
-        >>> from tripwatt.server.cars import Sample
+        >>> from tripwatt.server.cars.telemetry import Sample
         >>> with tempfile.TemporaryDirectory() as folder, Car.follow(f"{folder}/leaf") as car:
         ...     car.record(Sample(1.7e9, {"displayed_soc": 0.8}))
         ...     car.shown_soc()
@@ -460,7 +460,7 @@ class Car(LiveCar):
         Examples
         --------
         >>> import tempfile
-        >>> from tripwatt.server.cars import Sample
+        >>> from tripwatt.server.cars.telemetry import Sample
         >>> with tempfile.TemporaryDirectory() as folder, Car.follow(f"{folder}/leaf") as car:
         ...     car.record(Sample(1.7e9, {"ambient_temperature_degc": -3.0}))
         ...     print(car.last_air_degc(car.now_s()), car.last_air_degc(car.now_s() + 2.0 * AIR_S))

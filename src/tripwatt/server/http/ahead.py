@@ -6,18 +6,17 @@ import contextlib
 import datetime as dt
 import time
 from collections.abc import Awaitable, Mapping
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
+from weakref import WeakKeyDictionary
 
 import orjson
 
 from tripwatt.errors import InvalidInput
-from tripwatt.server.cars import Car
+from tripwatt.server.cars.car import Car
 from tripwatt.server.http.journey_schemas import NeedQuery
+from tripwatt.server.http.live import CAR_FIELDS, LiveCars, names_car
 from tripwatt.server.http.pool import JobResult
 from tripwatt.server.http.problems import Problem
-
-if TYPE_CHECKING:
-    from tripwatt.server.http.live import LiveCars
 
 NEED_S: Final = 600.0
 """Need and range are computed again after this time [s], because usual trips depend on the time of day. A choice."""
@@ -25,12 +24,9 @@ NEED_S: Final = 600.0
 NEXT_KM: Final = (10.0, 50.0)
 """Distances ahead whose need is shown on a trip without a plan [km]. A choice: a town away, and the way to the next charging park."""
 
-CAR_FIELDS: Final = ("car", "model")
-"""Fields of a request that name a car or a model."""
-
 
 class Ahead:
-    """What is ahead of the cars on the road.
+    """What is ahead of the cars on the road, which are published with it.
 
     Parameters
     ----------
@@ -38,13 +34,14 @@ class Ahead:
 
     Attributes
     ----------
-    known : dict of str to tuple
-        Name of a car -> the state of which its need, its range and the next kilometres were computed, and these.
+    known : mapping of Car to tuple
+        A car -> the state of which its need, its range and the next kilometres were computed, and these.
     """
 
     def __init__(self, cars: LiveCars) -> None:
         self.cars = cars
-        self.known: dict[str, tuple[tuple[Any, ...], dict[str, Any]]] = {}
+        self.known: WeakKeyDictionary[Car, tuple[tuple[Any, ...], dict[str, Any]]] = WeakKeyDictionary()
+        cars.shown = self.document
 
     async def need(self, car: Car, query: NeedQuery) -> JobResult:
         """Return what the next trip of a car needs, as `NeedResponse`; reserve and temperature of the query replace those of the plan.
@@ -54,7 +51,7 @@ class Ahead:
         Problem
             `no-plan` if there is neither a plan nor a usual trip.
         """
-        departs_at = query.departs_at or dt.datetime.now(dt.UTC)
+        departs_at = query.departs_at or dt.datetime.fromtimestamp(time.time(), dt.UTC)
         plan = await self.cars.run(car.plan_at, departs_at.timestamp())
         if plan is None:
             raise Problem("no-plan", "no plan, and no earlier trip at this time of day")
@@ -94,20 +91,18 @@ class Ahead:
 
     async def document(self, car: Car) -> dict[str, Any]:
         """Return the document of a car with what is ahead of it, as `LiveCarDocument` with all of its fields."""
-        document, name = await self.cars.document(car), car.name
+        document = await self.cars.document(car)
         state = (*car.live_state[1:], document["soc"], time.time() // NEED_S)
-        if name not in self.known or self.known[name][0] != state:
+        if car not in self.known or self.known[car][0] != state:
             is_unplanned = car.trip is not None and document["forecast"] is None
             ahead = [
                 await self._without_road(car, "distance", distance_km=km) for km in NEXT_KM * is_unplanned
             ]
             needed = None if car.trip else await _or_none(self.need(car, NeedQuery.model_validate({})))
             range_ = None if document["soc"] is None else await self._without_road(car, "range")
-            self.known[name] = (
-                state,
-                {"need": needed, "range": range_, "next": [one for one in ahead if one]},
-            )
-        return {**document, **self.known[name][1]}
+            fields = {"need": needed, "range": range_, "next": [one for one in ahead if one]}
+            self.known[car] = state, fields
+        return {**document, **self.known[car][1]}
 
     async def shown(self, car: Car, include: str | None) -> dict[str, Any]:
         """Return the document of a car with the fields of `include`, names with commas, of what is ahead of it."""
@@ -123,8 +118,3 @@ async def _or_none(result: Awaitable[JobResult]) -> dict[str, Any] | None:
         finished = await result
         return orjson.loads(finished.content) if finished.status == 200 else None
     return None
-
-
-def names_car(request: Mapping[str, Any]) -> bool:
-    """Return whether a request names a car or a model."""
-    return any(request.get(field) is not None for field in CAR_FIELDS)

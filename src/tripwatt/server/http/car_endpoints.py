@@ -14,9 +14,9 @@ from starlette.requests import Request
 from starlette.responses import Response
 
 from tripwatt.errors import Fault
-from tripwatt.server.cars import sample_from_abrp
 from tripwatt.server.cars.documents import LiveResponse
 from tripwatt.server.cars.live_car import VALID_NAME
+from tripwatt.server.cars.telemetry import sample_from_abrp
 from tripwatt.server.http import car_schemas as schemas
 from tripwatt.server.http.car_jobs import car_folder
 from tripwatt.server.http.learning import Learning
@@ -176,7 +176,7 @@ async def telemetry_by_query(call: Called, tlm: MessageText, token: CarToken = N
 async def list_live(call: Called, include: Include = None) -> Response:
     """Return the cars on the road, those with a token, with the latest forecasts of their trips."""
     cars = call.service.live
-    found = [await cars.ahead.shown(car, include) for _, car in sorted(cars.cars.items())]
+    found = [await call.service.ahead.shown(car, include) for _, car in sorted(cars.cars.items())]
     return json_response({"cars": found})
 
 
@@ -189,7 +189,7 @@ async def get_all_events(call: Called, token: EventToken = None) -> Response:
 @live.get("/v1/live/{car}", response_model=schemas.LiveCarDocument)
 async def get_live(call: Called, car: CarName, include: Include = None) -> Response:
     """Return the state of a car on the road and the latest forecast of its trip."""
-    return json_response(await call.service.live.ahead.shown(call.service.live.by_name(car), include))
+    return json_response(await call.service.ahead.shown(call.service.live.by_name(car), include))
 
 
 @live.put("/v1/live/{car}/plan", response_model=LiveResponse, **request_body(schemas.LivePlanRequest))

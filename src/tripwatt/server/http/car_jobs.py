@@ -22,10 +22,12 @@ from tripwatt.errors import Fault, InvalidInput, excerpt, or_none, raise_faults
 from tripwatt.files import write_bytes
 from tripwatt.forecasting import ForecastModel
 from tripwatt.forecasting.plausible import absurd_energy
-from tripwatt.server import cars as live
+from tripwatt.server.cars import folder as folders
+from tripwatt.server.cars.car import Car
 from tripwatt.server.cars.car_file import CarFile
 from tripwatt.server.cars.diary import causes_of
 from tripwatt.server.cars.folder import UPLOADS, describe_cars, folder_name, holds_car, setting_of
+from tripwatt.server.cars.learning import Learned
 from tripwatt.server.cars.live_car import VALID_NAME
 from tripwatt.server.http.car_schemas import CarResponse, CarSummary, LogsRequest, plain
 from tripwatt.server.http.problems import MAX_FAULTS, Problem, fault_document
@@ -76,9 +78,9 @@ class CarJobs:
         found = [] if self.folder is None or not self.folder.is_dir() else self.folder.iterdir()
         return sorted(folder for folder in found if holds_car(folder))
 
-    def car(self, name: str) -> live.Car:
+    def car(self, name: str) -> Car:
         """Open the car of this name; raises as `car_folder` does."""
-        return live.open_car(car_folder(self.folder, name))
+        return folders.open_car(car_folder(self.folder, name))
 
     def model(self, name: str) -> ForecastModel | None:
         """Return the current model of a car; None if there is no such car."""
@@ -88,7 +90,7 @@ class CarJobs:
         if state is None:
             return None
         if cached is None or cached[0] != state:
-            self.models[name] = cached = state, live.open_car(self.folder / name).model()
+            self.models[name] = cached = state, folders.open_car(self.folder / name).model()
         return cached[1]
 
     def list(self) -> dict[str, Any]:
@@ -114,22 +116,22 @@ class CarJobs:
         is_free = not holds_car(folder) or or_none(lambda: CarFile(folder).is_finished) is False
         try:
             if is_free:
-                return self.show(live.create_car(folder, vehicle, label=name).name)
+                return self.show(folders.create_car(folder, vehicle, label=name).name)
         except InvalidInput:
-            if not live.is_car(folder):  # else another call was faster
+            if not folders.is_car(folder):  # else another call was faster
                 raise
         fault = Fault("name is taken", "name", excerpt(name), "a name that no car has")
         raise Problem("name-taken", faults=(fault,))
 
     def forget(self, name: str) -> dict[str, Any]:
         """Erase a car, also a damaged one."""
-        live.forget_car(car_folder(self.folder, name, holds_car))
+        folders.forget_car(car_folder(self.folder, name, holds_car))
         self.models.pop(name, None)
         return {"forgotten": name}
 
     def token(self, name: str) -> dict[str, Any]:
         """Make a token for a car."""
-        return {"token": live.issue_token(self.car(name).folder)}
+        return {"token": folders.issue_token(self.car(name).folder)}
 
     def store(self, name: str, upload: str, file: str, body: bytes, max_bytes: int) -> dict[str, int]:
         """Unpack a file into the tables of an upload, and return their number and bytes; expired uploads are erased first."""
@@ -156,7 +158,7 @@ class CarJobs:
                 shutil.rmtree(folder, ignore_errors=True)
             allowed = f"{MAX_FILES} tables and {max_bytes} bytes"
             raise Problem("too-large", f"at most {allowed} that are not learned yet")
-        if not live.is_car(folder.parents[1]):  # erased meanwhile
+        if not folders.is_car(folder.parents[1]):  # erased meanwhile
             shutil.rmtree(folder.parent, ignore_errors=True)
             raise Problem("no-such-car", "GET /v1/cars lists the cars")
         return {"files": len(sizes), "bytes": sum(sizes)}
@@ -233,7 +235,7 @@ def require_folder(folder: Path | None) -> Path:
     return folder
 
 
-def car_folder(folder: Path | None, name: str, is_there: Callable[[Path], bool] = live.is_car) -> Path:
+def car_folder(folder: Path | None, name: str, is_there: Callable[[Path], bool] = folders.is_car) -> Path:
     """Return the folder of the car of this name; `is_there` tells whether a folder is that of a car.
 
     Raises
@@ -373,7 +375,7 @@ def _group_document(group: Group, tables: Path) -> dict[str, Any]:
     return {**asdict(group), "example": group.example.replace(f"{tables}{os.sep}", "")}
 
 
-def _diary_entry(row: Mapping[Hashable, Any], car: live.Car) -> dict[str, Any]:
+def _diary_entry(row: Mapping[Hashable, Any], car: Car) -> dict[str, Any]:
     """Return a row of the diary of a car, as `DiaryEntry`."""
     values = {f"{key}": plain(value) for key, value in row.items()}
     causes = {name: values.pop(column) for column, name in causes_of(values).items()}
@@ -382,7 +384,7 @@ def _diary_entry(row: Mapping[Hashable, Any], car: live.Car) -> dict[str, Any]:
     return {**values, "by_cause_wh": known, "on_the_way": made}
 
 
-def _learned_document(learned: live.Learned) -> dict[str, Any]:
+def _learned_document(learned: Learned) -> dict[str, Any]:
     return {**asdict(learned), "left_out": list(learned.left_out[:20])}
 
 

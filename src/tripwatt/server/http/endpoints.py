@@ -135,7 +135,7 @@ async def get_need(call: Called, query: NeedQuery) -> Response:
     """Return what some kilometres or a usual trip need, without a road; without either, what the next trip of a car on the road needs."""
     if query.distance_km is None and query.trip is None and query.named is not None:
         live = call.service.live
-        return call.answer(await live.ahead.need(await live.known(query.named), query))
+        return call.answer(await call.service.ahead.need(await live.known(query.named), query))
     return await call.job("distance", **await call.service.job_without_road(query))
 
 

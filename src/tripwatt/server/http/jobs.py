@@ -186,8 +186,14 @@ class Jobs:
         return others | road_fields(given["route"], given.get("speed_m_s"), self.limits)
 
     def road(self, body: bytes) -> dict[str, Any]:
-        """Return the fields of a request as `with_road`."""
-        return self.with_road(parse_json(body))
+        """Return the fields of a `LivePlanRequest` as `with_road`; the road of `stops` is the fastest one between them."""
+        given = parse_json(body)
+        if given.get("stops") is not None:
+            fields = {name: given[name] for name in journey.PlanRequest.model_fields if name in given}
+            fields |= {"answers": False, "charge": False}
+            route = self.plan(check_request(fields, journey.PlanRequest, self))
+            given = {"destination": route["stops"][-1]["name"], **given, "stops": None, "route": route}
+        return self.with_road(given)
 
     def night(self, request: NightRequest) -> dict[str, Any]:
         """Return the response to a `NightRequest`."""

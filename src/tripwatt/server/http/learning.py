@@ -12,7 +12,7 @@ from typing import Any, Final
 import orjson
 
 from tripwatt.errors import or_none
-from tripwatt.server.cars import is_car, open_car
+from tripwatt.server.cars.folder import is_car, open_car
 from tripwatt.server.http.car_jobs import read_progress, require_folder
 from tripwatt.server.http.pool import JobResult, WorkerPool, cancel_all
 from tripwatt.server.http.problems import Problem

@@ -24,13 +24,13 @@ from starlette.types import Receive, Scope, Send
 from tripwatt.errors import InvalidInput, did_you_mean, or_none
 from tripwatt.forecasting import ForecastModel
 from tripwatt.roads.advice import Companion
-from tripwatt.server.cars import Car, Follower, Sample
+from tripwatt.server.cars.car import Car
 from tripwatt.server.cars.folder import digest_of, setting_of
-from tripwatt.server.http.ahead import Ahead, names_car
+from tripwatt.server.cars.following import Follower
+from tripwatt.server.cars.telemetry import Sample
 from tripwatt.server.http.car_jobs import CarJobs, car_folder
 from tripwatt.server.http.car_schemas import LivePlanRequest
 from tripwatt.server.http.jobs import Jobs, no_description_flag
-from tripwatt.server.http.journey_schemas import PlanRequest
 from tripwatt.server.http.pool import JobResult, WorkerPool, cancel_all
 from tripwatt.server.http.problems import Problem, fault_document
 from tripwatt.server.http.schemas import check_request, json_object
@@ -43,6 +43,9 @@ SILENCE_CHECK_S: Final = 30.0
 
 KEEP_ALIVE_S: Final = 15.0
 """A stream without events sends a comment after this time [s], so that no proxy closes the stream: nginx does so after 60 s."""
+
+CAR_FIELDS: Final = ("car", "model")
+"""Fields of a request that name a car or a model."""
 
 Result = TypeVar("Result")
 
@@ -79,6 +82,8 @@ class LiveCars:
         Open streams, by client.
     learn : callable
         Called with the name of a car that has finished a trip.
+    shown : callable
+        Returns the document of a car that is published over MQTT.
 
     Raises
     ------
@@ -102,7 +107,7 @@ class LiveCars:
             raise InvalidInput.of("no folder of cars", "--cars", f"{folder}", "a folder", fix)
         subscribed = set[str]() if settings.mqtt is None else {*settings.mqtt.cars}
         self._follower: Follower | None = None
-        self.ahead = Ahead(self)
+        self.shown = self.document
         if settings.mqtt is not None:
             self._follower = Follower(
                 settings.mqtt,
@@ -153,7 +158,6 @@ class LiveCars:
         """Close a car and stop following it."""
         self._digests.pop(name, None)
         self._companions.pop(name, None)
-        self.ahead.known.pop(name, None)
         car = self.cars.pop(name, None)
         if car is not None:
             await self.run(car.close)
@@ -232,15 +236,15 @@ class LiveCars:
 
     async def plan_published(self, name: str, payload: bytes) -> None:
         """Set the plan that a car got over MQTT; an empty one removes the plan. A plan that is refused is logged."""
+        error, most = "", self.settings.limits.body_bytes
         try:
             car = self.by_name(name)
-            if len(payload) > self.settings.limits.body_bytes:
-                raise Problem("too-large", f"at most {self.settings.limits.body_bytes} bytes")
+            if len(payload) > most:
+                raise Problem("too-large", f"at most {most} bytes")
             if payload:
                 result = await self.set_plan(car, json_object(payload))
                 error = "" if result.status == 200 else result.content.decode()
             else:
-                error = ""
                 await self.run(car.set_plan, None)
         except (Problem, InvalidInput) as refused:
             error = f"{refused}"
@@ -265,16 +269,7 @@ class LiveCars:
         beside = {name: plan.get(name) for name in ("departs_at", "destination")}
         departs_at = check_request(beside, LivePlanRequest).departs_at
         departure_s = None if departs_at is None else departs_at.timestamp()
-        if plan.get("stops") is not None:
-            fields = {name: plan[name] for name in PlanRequest.model_fields if name in plan}
-            body = {**self.with_own_model(car, fields), "answers": False, "charge": False}
-            planned = await self.pool.run({"kind": "plan", "fields": "roads"}, orjson.dumps(body))
-            if planned.status != 200:
-                return planned
-            *_, last = plan.pop("stops")
-            name = last if isinstance(last, str) else last.get("name")
-            plan = {"destination": name, **plan, "route": orjson.loads(planned.content)}
-        if plan.get("route") is not None:
+        if plan.get("stops") is not None or plan.get("route") is not None:
             read = await self.pool.run({"kind": "road"}, orjson.dumps(plan))
             if read.status != 200:
                 return read
@@ -337,7 +332,7 @@ class LiveCars:
 
     async def published(self) -> dict[str, dict[str, Any]]:
         """Return what is published of each car."""
-        return {name: await self.ahead.document(car) for name, car in [*self.cars.items()]}
+        return {name: await self.shown(car) for name, car in [*self.cars.items()]}
 
     def stream(self, car: Car | None) -> EventSourceResponse:
         """Return the forecasts of a car, or of all, as a stream of server-sent events, which is refused if there are too many listeners."""
@@ -407,3 +402,8 @@ def _watch_car(car: Car) -> None:
     """End the trip of a car that is silent; otherwise make its forecast if one is due for the diary."""
     if not car.end_when_silent(car.now_s()) and car.wants_forecast:
         car.document(car.now_s())
+
+
+def names_car(request: Mapping[str, Any]) -> bool:
+    """Return whether a request names a car or a model."""
+    return any(request.get(field) is not None for field in CAR_FIELDS)

@@ -686,11 +686,8 @@ def _elevation_faults(route: LinkRoute, elevation: Elevation, max_positions: int
     position, heights = elevation.position_m, elevation.elevation_m
     if len(position) != len(heights) or len(position) > max_positions:
         got = f"{len(position)} positions and {len(heights)} elevations"
-        problem, allowed = (
-            "positions and elevations differ in number",
-            f"equal numbers, at most {max_positions}",
-        )
-        yield Fault(problem, "elevation", got, allowed)
+        allowed = f"equal numbers, at most {max_positions}"
+        yield Fault("positions and elevations differ in number", "elevation", got, allowed)
     if position[0] < 0 or position != sorted(position):
         yield Fault("position decreases", "elevation.position_m", "", "0 m or more, never decreasing")
     if route.elevation_m is not None:

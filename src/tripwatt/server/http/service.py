@@ -15,6 +15,7 @@ from fastapi import Depends, FastAPI
 from starlette.requests import ClientDisconnect, Request
 from starlette.responses import Response
 
+from tripwatt.server.http.ahead import Ahead
 from tripwatt.server.http.jobs import Jobs
 from tripwatt.server.http.journey_schemas import RangeQuery
 from tripwatt.server.http.learning import LearningCars
@@ -81,6 +82,7 @@ class Service:
         self._live = None if settings.cars is None else LiveCars(settings, self.pool, log)
         if self._live is not None:
             self._live.learn = self.learning.learn_soon
+            self.ahead = Ahead(self._live)
 
     @property
     def live(self) -> LiveCars:
@@ -102,7 +104,7 @@ class Service:
             return {"body": orjson.dumps(given)}
         if given.get("trip") is None:  # else the car is that of the trip
             del given["car"]
-        return await live.ahead.job_without_road(live.cars[query.named], given)
+        return await self.ahead.job_without_road(live.cars[query.named], given)
 
     async def last_message(self, body: bytes) -> dict[str, Any]:
         """Return the parameter `last_message` of a job whose body names a car on the road."""

@@ -12,7 +12,7 @@ from typing import Final
 
 from tripwatt.errors import Fault, raise_faults
 from tripwatt.roads.journey import AtlasSettings
-from tripwatt.server.cars import MqttSettings
+from tripwatt.server.cars.following import MqttSettings
 
 TOKEN_VARIABLE: Final = "TRIPWATT_TOKEN"
 """Environment variable of the bearer token."""

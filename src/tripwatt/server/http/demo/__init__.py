@@ -16,7 +16,9 @@ import orjson
 
 from tripwatt.roads.journey import AtlasSettings
 from tripwatt.roads.maps import build_map
-from tripwatt.server.cars import Car, Sample, create_car, issue_token
+from tripwatt.server.cars.car import Car
+from tripwatt.server.cars.folder import create_car, issue_token
+from tripwatt.server.cars.telemetry import Sample
 from tripwatt.server.http.library import EXAMPLE_CAR, examples
 from tripwatt.server.http.settings import Settings
 from tripwatt.sources.sample import sample_trips
