@@ -54,7 +54,7 @@ const types = await openapiTS(slim(document), {
 });
 const { properties } = document.components.schemas.ForecastRequest;
 const fields = Object.entries(properties)
-  .filter(([, schema]) => schema["x-label"] && schema.anyOf[0].type !== "object")
+  .filter(([, schema]) => schema["x-label"] && schema.anyOf[0].type !== "object" && !schema.anyOf[0].format)
   .map(([name, schema]) => `  ${name}: ${JSON.stringify(fieldOf(schema))},\n`);
 await mkdir(OUT, { recursive: true });
 await writeFile(join(OUT, "types.ts"), `/** Documents of the service, ${WRITTEN}${astToString(types)}`);

@@ -6,7 +6,7 @@ import { Latest } from "../api/latest";
 import type { Advice } from "../api/documents";
 import { type Car, car } from "./car";
 import { type Conditions, conditions } from "./conditions";
-import { departure, mode } from "./forecast";
+import { departure, mode, PROBABILITY } from "./forecast";
 import { ALTERNATIVES } from "./journey";
 import { forecastRequest, journeyRequest, type Trip, trip } from "./trip";
 
@@ -20,7 +20,7 @@ const runner = new Latest<{ of: Trip; at: Conditions; by: Car | null }>(async ({
   try {
     const found = of.stops
       ? await findJourneyAdvice({ ...journeyRequest(of, at, by), alternatives: ALTERNATIVES }, signal)
-      : await findAdvice(forecastRequest(of, at, by), signal);
+      : await findAdvice({ ...forecastRequest(of, at, by), probability: PROBABILITY }, signal);
     advice.value = found;
     adviceIsOld.value = runner.isWaiting;
   } catch {

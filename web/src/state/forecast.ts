@@ -31,7 +31,7 @@ export const PAGE_ERROR = "page";
 const MIN_INTERVAL_MS = 50;
 const USUAL_SPEED_M_S = 13.9;
 /** Of "leave with": 19 of 20 trips. */
-const LEAVE_PROBABILITY = 0.95;
+export const PROBABILITY = 0.95;
 
 /** Places that a journey may have. */
 export const MOST_STOPS = 20;
@@ -183,7 +183,7 @@ const runner = new Latest<ForecastJob>(async (job, signal) => {
       const [other, one] = [job.at, otherAt].map((at) => forecastRequest(job.trip, at, job.car));
       if (one && other) difference.value = await findDifference({ one, other }, signal);
     }
-    const body = { ...forecastRequest(job.trip, job.at, job.car), probability: LEAVE_PROBABILITY };
+    const body = { ...forecastRequest(job.trip, job.at, job.car), probability: PROBABILITY };
     const { leave_with } = await requestForecast(body, signal);
     batch(() => {
       leaving.value = leave_with;

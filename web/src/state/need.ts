@@ -7,12 +7,10 @@ import type { Need, Range } from "../api/documents";
 import type { Kind } from "../model/distance";
 import { type Car, car } from "./car";
 import { type Conditions, conditions, fieldsOf } from "./conditions";
-import { problem, reportProblem } from "./forecast";
+import { PROBABILITY, problem, reportProblem } from "./forecast";
 import { fieldsOfCar, trip } from "./trip";
 
 const MIN_INTERVAL_MS = 80;
-/** The share of trips for which the energy is enough. */
-const PROBABILITY = 0.95;
 
 export const need = signal<Need | null>(null);
 export const range = signal<Range | null>(null);

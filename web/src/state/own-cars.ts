@@ -38,7 +38,7 @@ export function faultsFrom(error: unknown): Fault[] {
   const { problem } = error;
   const { faults, title, detail } = problem;
   if (faults?.length) return faults;
-  return [{ what: title || detail || problem.type, where: "" }];
+  return [{ code: problem.type, what: title || detail || problem.type, where: "" }];
 }
 
 /** Run a request; faults of an earlier one go, its own are shown. */

@@ -120,7 +120,7 @@ function begun(car: string): Logs {
 function toSend(file: File): Chosen {
   if (file.size <= MOST_BYTES) return { file, state: "waiting", faults: [] };
   const what = text.value.trip.tooLarge(file.name, MOST_BYTES / MEGABYTE);
-  return { file, state: "out", faults: [{ what, where: "" }] };
+  return { file, state: "out", faults: [{ code: "too-large", what, where: "" }] };
 }
 
 /** Send files beside those that are there already, and read them. */

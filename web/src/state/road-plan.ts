@@ -3,8 +3,6 @@
 import { batch, computed } from "@preact/signals";
 import { putPlan, RequestFailed } from "../api/client";
 import { atMotorwaySpeed } from "../model/links";
-import { profileFromSamples } from "../model/profile";
-import { linksOfProfile } from "../model/road-links";
 import { conditions, fieldsOf } from "./conditions";
 import { chosenRoad, journey } from "./journey";
 import { followed, live, planFailed } from "./live-drive";
@@ -17,7 +15,7 @@ const road = computed(() => {
     return { ...now.fixed, links: atMotorwaySpeed(now.links, conditions.value.motorwayMS) };
   }
   const shown = now?.stops ? journey.value?.roads[chosenRoad.value] : undefined;
-  return shown ? linksOfProfile(profileFromSamples(shown.samples)) : null;
+  return shown ? { links: shown.links, elevation: shown.elevation } : null;
 });
 
 /** Where the trip of the page ends, in words. */

@@ -84,7 +84,7 @@ export function CarDialog() {
     } catch (error) {
       if (!(error instanceof RequestFailed)) throw error;
       const { problem } = error;
-      faults.value = problem.faults ?? [{ what: problem.title, where: "", got: "", allowed: "", fix: "" }];
+      faults.value = problem.faults ?? [{ code: problem.type, what: problem.title, where: "" }];
     }
   };
   return (

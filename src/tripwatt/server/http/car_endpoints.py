@@ -175,9 +175,8 @@ async def telemetry_by_query(call: Called, tlm: MessageText, token: CarToken = N
 @live.get("/v1/live", response_model=schemas.LiveCarsResponse)
 async def list_live(call: Called, include: Include = None) -> Response:
     """Return the cars on the road, those with a token, with the latest forecasts of their trips."""
-    cars = call.service.live
-    found = [await call.service.ahead.shown(car, include) for _, car in sorted(cars.cars.items())]
-    return json_response({"cars": found})
+    cars, ahead = call.service.live.cars, call.service.ahead
+    return json_response({"cars": [await ahead.shown(car, include) for _, car in sorted(cars.items())]})
 
 
 @live.get("/v1/live/events", **LIVE_EVENTS)
@@ -189,7 +188,8 @@ async def get_all_events(call: Called, token: EventToken = None) -> Response:
 @live.get("/v1/live/{car}", response_model=schemas.LiveCarDocument)
 async def get_live(call: Called, car: CarName, include: Include = None) -> Response:
     """Return the state of a car on the road and the latest forecast of its trip."""
-    return json_response(await call.service.ahead.shown(call.service.live.by_name(car), include))
+    followed = call.service.live.by_name(car)
+    return json_response(await call.service.ahead.shown(followed, include))
 
 
 @live.put("/v1/live/{car}/plan", response_model=LiveResponse, **request_body(schemas.LivePlanRequest))
