@@ -1,5 +1,6 @@
 """Journeys on roads that are made: what a driver asks, by laws and by values worked out by hand."""
 
+import itertools
 import json
 from dataclasses import dataclass, replace
 
@@ -10,8 +11,9 @@ from tests.roads.journey.made import COLD, KM_H, MADE, A, MadeRouter, journey
 import tripwatt as tw
 from tripwatt.errors import InvalidInput
 from tripwatt.forecasting.leaving import leaving_with, soc_needed
-from tripwatt.roads.journey import JourneyOptions, Place, RoadForecaster, plan_journey
+from tripwatt.roads.journey import Atlas, JourneyOptions, Place, RoadForecaster, plan_journey
 from tripwatt.roads.journey.forecasting import cap_motorway_speed
+from tripwatt.roads.maps import Station
 
 
 def test_the_charge_to_leave_with_arrives_in_19_of_20_trips(model):
@@ -220,3 +222,21 @@ def test_a_place_beside_the_road_is_named_with_its_distance(model):
     for flag, place in zip(found.flags, (far, end), strict=True):
         assert flag.value == pytest.approx(place.distance_m(Place(47.0, place.longitude_deg)))
     assert journey(model, answers=False).flags == ()
+
+
+class StrictRouter(MadeRouter):
+    """Refuses two equal places, as routers do."""
+
+    def roads(self, stops, *, alternatives=0):
+        if any(one.distance_m(other) < 1.0 for one, other in itertools.pairwise(stops)):
+            raise InvalidInput.of("no way to drive", "stops")
+        return super().roads(stops, alternatives=alternatives)
+
+
+def test_a_car_that_stands_at_a_station_charges_there_first():
+    here, far = Place(47.0, 9.0, "Here"), Place(47.0, 9.4, "Far")
+    stations = (Station(47.0, 9.0, "At the door", 100_000.0, direct_current=True),)
+    low = tw.Departure(soc=0.08, ambient_temperature_degc=-5.0)
+    found = plan_journey([here, far], low, atlas=Atlas(StrictRouter(), stations=stations))
+    first, *_ = found.charging.stops
+    assert (first.station.name, first.soc_arrival) == ("At the door", pytest.approx(0.08, abs=1e-3))

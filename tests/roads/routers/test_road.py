@@ -160,6 +160,7 @@ def test_a_road_has_some_length_and_some_time():
     for length, time in (([0.0], [1.0]), ([1.0], [0.0]), ([], [])):
         with pytest.raises(RemoteError, match="impossible edge of the road: edges"):
             made((edges(length, time), line(0.0, 0.001), None))
+    assert made((edges([0.0], [0.0]), line(0.0, 0.001), None)).duration_s == 1.0, "two places at one point"
     brief = made((edges([0.0, 0.5], [0.0, 0.25], [NO, 0.9]), line(0.0, 0.001), None))
     assert brief.distance_m == 0.5
     np.testing.assert_allclose(brief.duration_s, 0.5 / 0.9, **EXACT)

@@ -51,6 +51,8 @@ _STOP_COST_S: Final = 2e4
 _ENERGY_COST_S: Final = 1e6
 _MISSING_CHARGE_COST_S: Final = 1e8
 """Costs [s] of a stop, of the energy of a full display, and of a full display missing at the start; time counts little beside them. Choices."""
+_NUDGE_DEG: Final = 3e-5
+"""Latitude by which one of two equal places is moved for a router [°], 3 m."""
 LEG_FIELDS: Final = ("soc", "bms_soc", "follows_trip", "battery_temperature_degc", "departs_at")
 """Fields of a departure that differ between legs."""
 STATION_KIND: Final = "charging_station"
@@ -371,8 +373,11 @@ class Corridor:
         """Route and forecast a leg; all but the first begin with `level`, `elapsed_s` after departure. None if there is no road."""
         low, high = self._position_m[[i, j]]
         via = [p for p, at in zip(self.via, self.road.stop_position_m, strict=False) if low < at < high]
+        start, end = self._place(i), self._place(j)
+        if start.distance_m(end) < 2.0:  # a car that stands at the station drives there, too
+            end = replace(end, latitude_deg=end.latitude_deg - math.copysign(_NUDGE_DEG, end.latitude_deg))
         try:
-            road = self.atlas.router.roads((self._place(i), *via, self._place(j)))[0]
+            road = self.atlas.router.roads((start, *via, end))[0]
         except RemoteError:
             raise
         except InvalidInput:  # no road to this station
