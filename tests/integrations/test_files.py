@@ -73,7 +73,7 @@ def test_every_sensor_error_and_action_has_its_text_and_its_icon() -> None:
     thrown = constants("actions.py") | constants("coordinator.py")
     assert set(texts["exceptions"]) <= thrown
     actions = yaml.safe_load((OURS / "services.yaml").read_text("utf-8"))
-    assert set(actions) == set(texts["services"]) == set(icons["services"]) == {"plan", "advise"}
+    assert set(actions) == set(texts["services"]) == set(icons["services"]) == {"plan", "advise", "set_plan"}
     for name, action in actions.items():
         assert set(action["fields"]) == set(texts["services"][name]["fields"]), name
 

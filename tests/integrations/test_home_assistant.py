@@ -263,7 +263,7 @@ def test_every_figure_of_a_car_is_an_entity_and_new_cars_come_by_themselves(
     assert reach["range_m"] == pytest.approx(cold["range_m"])
     about = {key: state["attributes"] for key, state in hass.states("leaf").items()}
     assert about["soc_needed"]["message"] == need["message"]
-    assert (about["range"]["soc"], about["range"]["reserve"]) == (0.6, 0.0)
+    assert (about["range"]["soc"], about["range"]["reserve"]) == (0.6, 0.1)
     for key, answer in (("range", reach), ("soc_needed", need)):
         messages = [flag["message"] for flag in answer["flags"]]
         assert about[key]["flags"] == messages
@@ -511,10 +511,14 @@ def test_plan_and_advise_respond_with_the_answers_of_the_service(hass: HomeAssis
     road = served.service.client.post("/v1/advice", json=without_map).json()
     by_links = hass.action("tripwatt", "advise", device_id=device, links=LINKS, temperature=5)
     assert by_links["soc_arrival"] == pytest.approx(road["soc_arrival"])
+    hass("/services/tripwatt/set_plan", {"device_id": device, "stops": ["Ostheim"], "destination": "Work"})
+    planned = served.get("/v1/live/leaf")
+    assert (planned["plan"], planned["destination"]) == ("given", "Work")
+    assert planned["forecast"]["distance_m"] > 1000.0
     # what cannot be answered is refused in words, not with a traceback
     assert "place" in refusal(hass, "plan", {"device_id": device, "stops": ["a place that no map has"]})
     assert "no car of tripwatt" in refusal(hass, "advise", {"device_id": "no such device", "links": LINKS})
-    assert set(services(hass)) == {"plan", "advise"}
+    assert set(services(hass)) == {"plan", "advise", "set_plan"}
 
 
 def test_a_service_that_is_removed_leaves_nothing(hass: HomeAssistant, served: Served) -> None:

@@ -49,7 +49,8 @@ def planner(router: RouterServer, tmp_path_factory: pytest.TempPathFactory) -> I
     folder = tmp_path_factory.mktemp("planner")
     named = f"{write_map(folder / 'map')}@osrm={router.url}"
     (folder / "logs").mkdir()
-    with serving(folder / "logs", "--workers", "1", "--map", named) as found:
+    (folder / "cars").mkdir()
+    with serving(folder / "logs", "--workers", "1", "--map", named, "--cars", f"{folder / 'cars'}") as found:
         yield found
 
 
@@ -76,6 +77,22 @@ def test_a_journey_by_names_is_that_by_coordinates(planner: Service) -> None:
     assert (
         len(placed["roads"][0]["line"]["latitude_deg"]) == len(placed["roads"][0]["line"]["position_m"]) == 97
     )
+
+
+def test_a_plan_by_stops_is_the_fastest_road_between_them(planner: Service) -> None:
+    car = planner.client.post("/v1/cars", json={"name": "leaf", "car": "nissan_leaf_40"}).json()["name"]
+    token = planner.client.post(f"/v1/cars/{car}/token").json()["token"]
+    assert token
+    asked = {"stops": ["Westend", "Ostheim"], "soc": 0.8, "ambient_temperature_degc": 5.0}
+    shown = planner.client.put(f"/v1/live/{car}/plan", json=asked)
+    assert shown.status_code == 200, shown.text
+    assert (shown.json()["plan"], shown.json()["destination"]) == ("given", "Ostheim")
+    road = plan(planner, ambient_temperature_degc=5.0, car="nissan_leaf_40").json()["roads"][0]
+    assert shown.json()["forecast"]["distance_m"] == pytest.approx(road["distance_m"], rel=1e-3)
+    assert shown.json()["forecast"]["energy_wh"] == pytest.approx(road["forecast"]["energy_wh"], rel=0.01)
+    refused = planner.client.put(f"/v1/live/{car}/plan", json={"stops": ["Westend", "no such place at all"]})
+    assert refused.status_code == 422
+    assert planner.client.delete(f"/v1/cars/{car}").status_code == 200
 
 
 def test_advice_on_a_journey_is_that_on_its_road(planner: Service) -> None:

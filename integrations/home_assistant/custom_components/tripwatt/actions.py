@@ -1,7 +1,8 @@
-"""The actions `plan` and `advise`: a journey of a car, and what to do about it, as a response."""
+"""The actions `plan` and `advise`, a journey of a car and what to do about it as a response, and `set_plan` for the next trip of a car."""
 
 from __future__ import annotations
 
+from collections.abc import Awaitable
 from typing import Any, Final
 
 import voluptuous as vol
@@ -20,6 +21,7 @@ from .entity import device_of
 
 PLAN: Final = "plan"
 ADVISE: Final = "advise"
+SET_PLAN: Final = "set_plan"
 
 PLAN_FIELDS: Final = (
     "stops,reserve,verdict,arrives,p_arrive,soc_needed,leave,costs_wh,needs_motorway_speed,motorway_speed_m_s,"
@@ -53,6 +55,9 @@ ADVISE_SCHEMA: Final = vol.All(
     ),
     cv.has_at_least_one_key("stops", "links"),
 )
+SET_PLAN_SCHEMA: Final = vol.Schema(
+    {**_COMMON, vol.Required("stops"): _STOPS, vol.Optional("destination"): cv.string}
+)
 
 
 @callback
@@ -66,12 +71,13 @@ def register_actions(hass: HomeAssistant) -> None:
     hass.services.async_register(
         DOMAIN, ADVISE, _advise, schema=ADVISE_SCHEMA, supports_response=SupportsResponse.ONLY
     )
+    hass.services.async_register(DOMAIN, SET_PLAN, _set_plan, schema=SET_PLAN_SCHEMA)
 
 
 @callback
 def remove_actions(hass: HomeAssistant) -> None:
     """Remove the actions."""
-    for name in (PLAN, ADVISE):
+    for name in (PLAN, ADVISE, SET_PLAN):
         hass.services.async_remove(DOMAIN, name)
 
 
@@ -128,9 +134,7 @@ def _request(call: ServiceCall, coordinator: TripwattCoordinator, car: CarState)
     return request | more
 
 
-async def _asked(
-    coordinator: TripwattCoordinator, path: str, body: dict[str, Any], **parameters: str
-) -> dict[str, Any]:
+async def _asked(coordinator: TripwattCoordinator, answering: Awaitable[Any]) -> dict[str, Any]:
     """The answer of the service.
 
     Raises
@@ -141,7 +145,7 @@ async def _asked(
         When it does not answer, or refuses the token.
     """
     try:
-        answer: dict[str, Any] = await coordinator.client.post(path, body, **parameters)
+        answer: dict[str, Any] = await answering
     except ServiceProblemError as problem:
         raise ServiceValidationError(
             translation_domain=DOMAIN,
@@ -162,7 +166,7 @@ async def _plan(call: ServiceCall) -> ServiceResponse:
     """A journey of a car."""
     coordinator, car = _car_of(call)
     body = _request(call, coordinator, car)
-    journey = await _asked(coordinator, "/v1/journeys", body, fields=PLAN_FIELDS)
+    journey = await _asked(coordinator, coordinator.client.post("/v1/journeys", body, fields=PLAN_FIELDS))
     if journey.get("charging"):
         kept = {name: value for name, value in journey["charging"].items() if name not in FOR_A_MAP}
         journey["charging"] = kept
@@ -173,4 +177,15 @@ async def _advise(call: ServiceCall) -> ServiceResponse:
     """What to do about a journey or a road of a car."""
     coordinator, car = _car_of(call)
     path = "/v1/journeys/advice" if "stops" in call.data else "/v1/advice"
-    return await _asked(coordinator, path, _request(call, coordinator, car))
+    return await _asked(coordinator, coordinator.client.post(path, _request(call, coordinator, car)))
+
+
+async def _set_plan(call: ServiceCall) -> None:
+    """Give a car the plan of its next trip."""
+    coordinator, car = _car_of(call)
+    plan = _request(call, coordinator, car)
+    plan.pop("car", None)  # the plan is of the car that it is given to
+    if "destination" in call.data:
+        plan["destination"] = call.data["destination"]
+    await _asked(coordinator, coordinator.client.put(f"/v1/live/{car.live['car']}/plan", plan))
+    await coordinator.async_request_refresh()

@@ -94,6 +94,12 @@ class ServiceClient:
         given = {name: value for name, value in body.items() if value is not None}
         return await self._answer("POST", path, json=given, params=parameters)
 
+    async def put(self, path: str, body: Mapping[str, Any]) -> Any:
+        """The answer to a PUT of a JSON document; raises as `post`."""
+        return await self._answer(
+            "PUT", path, json={n: value for n, value in body.items() if value is not None}
+        )
+
     async def _answer(self, method: str, path: str, **more: Any) -> Any:
         url = self._url.with_path(self._url.path.rstrip("/") + path)
         try:

@@ -7,7 +7,12 @@ from dataclasses import dataclass
 from datetime import datetime
 from typing import Any, Final
 
-from homeassistant.components.sensor import SensorDeviceClass, SensorEntity, SensorEntityDescription
+from homeassistant.components.sensor import (
+    SensorDeviceClass,
+    SensorEntity,
+    SensorEntityDescription,
+    SensorStateClass,
+)
 from homeassistant.const import PERCENTAGE, UnitOfEnergy, UnitOfLength, UnitOfTime
 from homeassistant.core import HomeAssistant
 from homeassistant.helpers.entity_platform import AddConfigEntryEntitiesCallback
@@ -78,7 +83,8 @@ def _need_in_words(car: CarState) -> dict[str, Any]:
 def _percent(
     key: str,
     value: Callable[[CarState], float | None],
-    kind: SensorDeviceClass | None = SensorDeviceClass.BATTERY,
+    kind: SensorDeviceClass | None = None,
+    digits: int = 0,
     more: Callable[[CarState], Mapping[str, Any]] | None = None,
 ) -> CarSensorDescription:
     return CarSensorDescription(
@@ -87,8 +93,9 @@ def _percent(
         value=value,
         more=more,
         device_class=kind,
+        state_class=SensorStateClass.MEASUREMENT,
         native_unit_of_measurement=PERCENTAGE,
-        suggested_display_precision=0 if kind else 1,
+        suggested_display_precision=digits,
     )
 
 
@@ -97,7 +104,8 @@ def _energy(key: str, value: Callable[[CarState], float | None]) -> CarSensorDes
         key=key,
         translation_key=key,
         value=value,
-        device_class=SensorDeviceClass.ENERGY,
+        device_class=SensorDeviceClass.ENERGY_STORAGE,
+        state_class=SensorStateClass.MEASUREMENT,
         native_unit_of_measurement=UnitOfEnergy.KILO_WATT_HOUR,
         suggested_display_precision=1,
     )
@@ -109,6 +117,7 @@ def _duration(key: str, value: Callable[[CarState], float | None]) -> CarSensorD
         translation_key=key,
         value=value,
         device_class=SensorDeviceClass.DURATION,
+        state_class=SensorStateClass.MEASUREMENT,
         native_unit_of_measurement=UnitOfTime.MINUTES,
         suggested_display_precision=0,
     )
@@ -124,19 +133,20 @@ def _time(key: str, *path: str) -> CarSensorDescription:
 
 
 SENSORS: Final = (
-    _percent("soc", _of_live("soc", factor=100.0)),
+    _percent("soc", _of_live("soc", factor=100.0), SensorDeviceClass.BATTERY),
     _energy("energy", _of_live("forecast", "energy_wh", factor=0.001)),
     _percent("arrival", _of_live("forecast", "soc_quantiles", "0.5", factor=100.0)),
     _percent("arrival_low", _of_live("forecast", "soc_quantiles", "0.05", factor=100.0)),
     _percent("arrival_high", _of_live("forecast", "soc_quantiles", "0.95", factor=100.0)),
-    _percent("p_arrive", _of_live("forecast", "p_arrive", factor=100.0), None),
-    _percent("p_arrive_at_all", _of_live("forecast", "p_arrive_at_all", factor=100.0), None),
+    _percent("p_arrive", _of_live("forecast", "p_arrive", factor=100.0), digits=1),
+    _percent("p_arrive_at_all", _of_live("forecast", "p_arrive_at_all", factor=100.0), digits=1),
     CarSensorDescription(
         key="range",
         translation_key="range",
         value=lambda car: _figure(_at(car.ahead.reach, "range_m"), 0.001),
         more=_of_range,
         device_class=SensorDeviceClass.DISTANCE,
+        state_class=SensorStateClass.MEASUREMENT,
         native_unit_of_measurement=UnitOfLength.KILOMETERS,
         suggested_display_precision=0,
     ),

@@ -42,16 +42,16 @@ class Sensor:
 
 SENSORS: Final = (
     Sensor("soc", "Charge", "soc", "%", "battery"),
-    Sensor("energy", "Energy of the trip", "forecast.energy_wh", "kWh", "energy"),
-    Sensor("arrival", "Charge at arrival", "forecast.soc_quantiles['0.5']", "%", "battery"),
-    Sensor("arrival_low", "Charge at arrival, 5 %", "forecast.soc_quantiles['0.05']", "%", "battery"),
-    Sensor("arrival_high", "Charge at arrival, 95 %", "forecast.soc_quantiles['0.95']", "%", "battery"),
+    Sensor("energy", "Energy of the trip", "forecast.energy_wh", "kWh", "energy_storage"),
+    Sensor("arrival", "Charge at arrival", "forecast.soc_quantiles['0.5']", "%"),
+    Sensor("arrival_low", "Charge at arrival, 5 %", "forecast.soc_quantiles['0.05']", "%"),
+    Sensor("arrival_high", "Charge at arrival, 95 %", "forecast.soc_quantiles['0.95']", "%"),
     Sensor("p_arrive", "Chance to arrive with the reserve", "forecast.p_arrive", "%"),
     Sensor("p_arrive_at_all", "Chance to arrive at all", "forecast.p_arrive_at_all", "%"),
     Sensor("range", "Range", "range.range_m", "km", "distance"),
-    Sensor("need", "Energy of the next trip", "need.energy_quantile_wh", "kWh", "energy"),
-    Sensor("soc_needed", "Charge to leave with", "need.soc_needed", "%", "battery"),
-    Sensor("charge", "Energy to charge", "need.charge_wh", "kWh", "energy"),
+    Sensor("need", "Energy of the next trip", "need.energy_quantile_wh", "kWh", "energy_storage"),
+    Sensor("soc_needed", "Charge to leave with", "need.soc_needed", "%"),
+    Sensor("charge", "Energy to charge", "need.charge_wh", "kWh", "energy_storage"),
     Sensor("silence", "Time since the last message", "seconds_since_message", "min", "duration"),
 )
 
@@ -90,8 +90,8 @@ def discovery(car: str, topic: str, prefix: str) -> Iterator[tuple[str, dict[str
             "expire_after": EXPIRES_S,
             "value_template": sensor.template,
             "unit_of_measurement": sensor.unit,
+            "device_class": sensor.kind,
+            "state_class": "measurement",
             "device": device,
         }
-        if sensor.kind is not None:
-            message["device_class"] = sensor.kind
         yield f"{prefix}/sensor/{node}/{sensor.key}/config", message

@@ -273,7 +273,7 @@ class LiveCars:
             read = await self.pool.run({"kind": "road"}, orjson.dumps(plan))
             if read.status != 200:
                 return read
-            plan = orjson.loads(read.content)
+            plan = {name: value for name, value in orjson.loads(read.content).items() if value is not None}
         checked = await self.pool.run({"kind": "forecast"}, orjson.dumps(self.with_own_model(car, plan)))
         if checked.status == 200:
             try:
