@@ -35,7 +35,18 @@ from tripwatt.server.mcp import CHANGING, LEFT_OUT, TOOLS, make_server
 
 COLD = tw.Departure(soc=0.8, ambient_temperature_degc=-5.0)
 PLACES = ["47.0, 9.0", "47.0, 9.1"]
-READING = {"plan", "need", "range", "advise", "advise_journey", "forecast", "diary", "cars", "vehicles"}
+READING = {
+    "plan",
+    "need",
+    "range",
+    "advise",
+    "advise_journey",
+    "forecast",
+    "live",
+    "diary",
+    "cars",
+    "vehicles",
+}
 
 
 @pytest.fixture(scope="module")
@@ -95,13 +106,15 @@ def test_tools_are_typed_and_change_nothing_unless_it_is_allowed(jobs: Jobs) -> 
     writing = tools(changes=True)
     assert {name for name, tool in writing.items() if not tool.annotations.read_only_hint} == {"new_car"}
     for tool in writing.values():
-        for schema in (tool.input_schema, tool.output_schema):
-            Draft202012Validator.check_schema(schema)
-            assert schema["type"] == "object"
-            assert schema["additionalProperties"] is False
-            named = {ref.rpartition("/")[2] for ref in references(schema)}
-            assert named <= set(schema.get("$defs", {})), tool.name
-    soc = reading["range"].input_schema["properties"]["soc"]["anyOf"][0]
+        schema = tool.input_schema
+        Draft202012Validator.check_schema(schema)
+        assert schema["type"] == "object"
+        assert schema["additionalProperties"] is False
+        named = {ref.rpartition("/")[2] for ref in references(schema)}
+        assert named <= set(schema.get("$defs", {})), tool.name
+        assert tool.title
+    assert sum(len(json.dumps(tool.input_schema)) for tool in writing.values()) < 40_000
+    soc = reading["range"].input_schema["properties"]["soc"]
     assert (soc["minimum"], soc["maximum"]) == (0.0, 1.0)
 
 
@@ -122,6 +135,7 @@ ARGUMENTS: dict[str, dict[str, Any]] = {
     "advise": PLANNED_REQUEST,
     "advise_journey": {"stops": PLACES, **COLD.to_dict()},
     "forecast": PLANNED_REQUEST,
+    "live": {"car": "leaf"},
     "diary": {"car": "leaf", "trips": 2},
     "cars": {},
     "vehicles": {"search": "id.3"},
@@ -145,8 +159,7 @@ def test_tools_without_a_map_or_cars_are_not_offered(jobs: Jobs) -> None:
 
 
 @pytest.mark.parametrize("name", TOOLS)
-def test_every_tool_gives_what_its_schema_has(jobs: Jobs, cars: Path, name: str) -> None:
-    """The client compares each answer with the schema of the tool's output, and raises where they differ."""
+def test_every_tool_answers_in_short(jobs: Jobs, cars: Path, name: str) -> None:
     before = sorted(cars.rglob("*"))
     found = call(jobs, name, ARGUMENTS[name], changes=name in CHANGING)
     assert not found.is_error, found.content
@@ -158,19 +171,19 @@ def test_every_tool_gives_what_its_schema_has(jobs: Jobs, cars: Path, name: str)
 
 def test_answers_are_those_of_python(jobs: Jobs, roads: str) -> None:
     need = call(jobs, "need", ARGUMENTS["need"]).structured_content
-    assert need["energy_wh"] == pytest.approx(tw.need(50, "motorway", COLD).energy_wh)
+    assert need["energy_wh"] == pytest.approx(tw.need(50, "motorway", COLD).energy_wh, rel=1e-3)
     assert call(jobs, "range", COLD.to_dict()).structured_content["range_m"] == pytest.approx(
-        tw.range_km(None, "mixed", COLD).range_m
+        tw.range_km(None, "mixed", COLD).range_m, rel=1e-3
     )
     plan = tw.read_route(PLANNED_REQUEST["links"])
     forecast = tw.load_model().forecast(
         plan, tw.Departure(soc=0.8, ambient_temperature_degc=-5.0, cabin_setpoint_degc=21.0)
     )
     found = call(jobs, "forecast", PLANNED_REQUEST).structured_content
-    assert found["energy_wh"] == pytest.approx(forecast.energy_wh)
+    assert found["energy_wh"] == pytest.approx(forecast.energy_wh, rel=1e-3)
     journey = tw.plan_journey(PLACES, COLD, atlas=open_atlas(AtlasSettings(roads)))
     planned = call(jobs, "plan", ARGUMENTS["plan"]).structured_content
-    assert planned["p_arrive"] == pytest.approx(journey.verdict.p_reserve)
+    assert planned["p_arrive"] == pytest.approx(journey.verdict.p_reserve, rel=1e-3)
 
 
 def test_the_newest_trips_of_a_diary_come_first(jobs: Jobs) -> None:
@@ -256,7 +269,7 @@ def test_the_command_serves_an_assistant(roads: str, cars: Path) -> None:
     assert {tool.name for tool in tools} == READING
     assert all(tool.annotations.open_world_hint for tool in tools)  # the roads are those of a server
     expected = tw.need(50, "motorway", COLD).energy_wh
-    assert need.structured_content["energy_wh"] == pytest.approx(expected)
+    assert need.structured_content["energy_wh"] == pytest.approx(expected, rel=1e-3)
     assert plan.structured_content["roads"][0]["distance_m"] > 1000.0
 
 
@@ -268,7 +281,7 @@ def test_the_page_for_assistants_works_and_lists_every_tool() -> None:
     names: dict[str, Any] = {"sys": sys, "os": os}
     exec(shown.replace('(command="tripwatt", args=["mcp"])', here), names)
     expected = tw.need(50, "mixed", tw.Departure(ambient_temperature_degc=-5.0))
-    assert names["need"]["soc_needed"] == pytest.approx(expected.soc_needed)
+    assert names["need"]["soc_needed"] == pytest.approx(expected.soc_needed, rel=1e-3)
 
 
 def test_the_command_names_what_is_missing(monkeypatch: pytest.MonkeyPatch) -> None:

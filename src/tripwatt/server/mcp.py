@@ -3,23 +3,23 @@
 from __future__ import annotations
 
 import json
+import time
 from collections.abc import Callable, Mapping
-from typing import Any, Final, NamedTuple
+from typing import Any, Final
 
 import anyio
 import mcp_types as types
 import orjson
 from mcp.server.lowlevel import Server
 from mcp.server.stdio import stdio_server
-from pydantic import BaseModel, Field, TypeAdapter
+from pydantic import BaseModel, Field
 
 import tripwatt
 from tripwatt.errors import Fault, InvalidInput
-from tripwatt.forecasting.document import ForecastResponse
 from tripwatt.server.http import car_schemas, schemas
 from tripwatt.server.http import journey_schemas as journey
 from tripwatt.server.http.jobs import Jobs
-from tripwatt.server.http.openapi import Schemas
+from tripwatt.server.http.openapi import without_null
 from tripwatt.server.http.problems import TITLES, WORDS, Problem
 from tripwatt.server.http.schemas import StrictModel, check_request, parse_json
 
@@ -27,11 +27,20 @@ LEFT_OUT: Final = ("series", "samples", "line", "course", "links", "learning")
 """Fields of answers that an assistant does not get: thousands of numbers for figures and maps, and the state of a job."""
 
 
-class DiaryRequest(StrictModel):
+NOT_ASKED: Final = ("x-", "samples", "elevation", "Elevation", "covariates")
+"""Beginnings of the names of what the schema of a request leaves out: parts of a form, and what has thousands of numbers."""
+
+
+class LiveRequest(StrictModel):
     """A car that learns from its trips."""
 
     car: str = Field(max_length=100)
     """its name, one of the tool `cars`"""
+
+
+class DiaryRequest(LiveRequest):
+    """A car that learns from its trips, and how many."""
+
     trips: int = Field(10, ge=1, le=200)
     """entries of the diary, the newest first"""
 
@@ -43,32 +52,21 @@ class VehiclesRequest(StrictModel):
     """words of maker, model and year; default: all cars"""
 
 
-def _show_diary(jobs: Jobs, request: DiaryRequest) -> dict[str, Any]:
-    document = jobs.cars.show(request.car)
-    return document | {"diary": document["diary"][: request.trips]}
-
-
-class Tool(NamedTuple):
-    """A tool: the function that it runs, and the schemas of its request and its answer."""
-
-    run: Callable[[Jobs, Any], dict[str, Any]]
-    takes: type[BaseModel]
-    gives: type
-
+Tool = tuple[Callable[[Jobs, Any], Mapping[str, Any]], type[BaseModel]]
+"""A tool: the function that it runs, and the schema of its request."""
 
 TOOLS: Final[Mapping[str, Tool]] = {
-    "plan": Tool(Jobs.plan, journey.PlanRequest, journey.PlanResponse),
-    "need": Tool(Jobs.distance, journey.NeedQuery, journey.NeedResponse),
-    "range": Tool(Jobs.range, journey.RangeQuery, journey.RangeResponse),
-    "advise": Tool(Jobs.advice, schemas.AdviceRequest, journey.AdviceResponse),
-    "advise_journey": Tool(Jobs.journey_advice, journey.JourneyAdviceRequest, journey.AdviceResponse),
-    "forecast": Tool(Jobs.forecast, schemas.ForecastRequest, ForecastResponse),
-    "diary": Tool(_show_diary, DiaryRequest, car_schemas.CarResponse),
-    "cars": Tool(lambda jobs, _: jobs.cars.list(), StrictModel, car_schemas.CarsResponse),
-    "vehicles": Tool(
-        lambda jobs, asked: jobs.vehicles(asked.search), VehiclesRequest, schemas.VehiclesResponse
-    ),
-    "new_car": Tool(Jobs.new_car, car_schemas.NewCarRequest, car_schemas.CarResponse),
+    "plan": (Jobs.plan, journey.PlanRequest),
+    "need": (Jobs.distance, journey.NeedQuery),
+    "range": (Jobs.range, journey.RangeQuery),
+    "advise": (Jobs.advice, schemas.AdviceRequest),
+    "advise_journey": (Jobs.journey_advice, journey.JourneyAdviceRequest),
+    "forecast": (Jobs.forecast, schemas.ForecastRequest),
+    "live": (lambda jobs, asked: jobs.cars.car(asked.car).document(time.time()), LiveRequest),
+    "diary": (lambda jobs, asked: jobs.cars.show(asked.car, asked.trips), DiaryRequest),
+    "cars": (lambda jobs, _: jobs.cars.list(), StrictModel),
+    "vehicles": (lambda jobs, asked: jobs.vehicles(asked.search), VehiclesRequest),
+    "new_car": (Jobs.new_car, car_schemas.NewCarRequest),
 }
 """Tools by name."""
 
@@ -76,7 +74,7 @@ CHANGING: Final = ("new_car",)
 """Tools that change something."""
 
 OF_MAP: Final = ("plan", "advise_journey")
-OF_CARS: Final = ("diary", "cars", "new_car")
+OF_CARS: Final = ("live", "diary", "cars", "new_car")
 """Tools that need a map, and tools that need a folder of cars; without these they are not offered."""
 
 
@@ -108,9 +106,9 @@ def make_server(jobs: Jobs, *, changes: bool = False, remote: bool = False) -> S
     listed = types.ListToolsResult(tools=[_describe_tool(name, remote) for name in offered])
     one_thread = anyio.CapacityLimiter(1)  # models are kept in caches that one thread may use at a time
 
-    def run(name: str, arguments: bytes) -> dict[str, Any]:
-        tool = TOOLS[name]
-        return tool.run(jobs, check_request(parse_json(arguments), tool.takes, jobs))
+    def run(name: str, arguments: bytes) -> Mapping[str, Any]:
+        work, takes = TOOLS[name]
+        return work(jobs, check_request(parse_json(arguments), takes, jobs))
 
     async def list_tools(context: Any, parameters: Any) -> types.ListToolsResult:
         return listed
@@ -152,27 +150,34 @@ def serve(server: Server[Any]) -> None:
 
 
 def _describe_tool(name: str, remote: bool) -> types.Tool:
-    """Return the description of a tool for an assistant, with its schemas."""
-    tool, reads = TOOLS[name], name not in CHANGING
-    hints = types.ToolAnnotations(read_only_hint=reads, destructive_hint=False, open_world_hint=remote)
-    return types.Tool(
-        name=name,
-        description=WORDS["tools"][name],
-        input_schema=tool.takes.model_json_schema(),
-        output_schema=_without_long_fields(
-            TypeAdapter(tool.gives).json_schema(mode="serialization", schema_generator=Schemas)
-        ),
-        annotations=hints,
+    """Return the description of a tool for an assistant, with its schema."""
+    hints = types.ToolAnnotations(
+        read_only_hint=name not in CHANGING, destructive_hint=False, open_world_hint=remote
     )
+    title, description = WORDS["tools"][name]
+    schema = _without_form(TOOLS[name][1].model_json_schema())
+    return types.Tool(name=name, title=title, description=description, input_schema=schema, annotations=hints)
+
+
+def _without_form(value: Any) -> Any:
+    """Return a schema without titles, without null, and without what only a form needs."""
+    if isinstance(value, list):
+        return [_without_form(inner) for inner in value]
+    if not isinstance(value, Mapping):
+        return value
+    parts = [
+        (n, v) for n, v in without_null(dict(value)).items() if not n.startswith(NOT_ASKED) and v is not None
+    ]
+    return {n: _without_form(v) for n, v in parts if n != "title" or isinstance(v, Mapping)}
 
 
 def _without_long_fields(value: Any) -> Any:
-    """Return a document, or its schema, without the fields of `LEFT_OUT`."""
+    """Return a document without the fields of `LEFT_OUT`, with four digits of its numbers."""
     if isinstance(value, Mapping):
         return {name: _without_long_fields(inner) for name, inner in value.items() if name not in LEFT_OUT}
     if isinstance(value, list):
-        return [_without_long_fields(inner) for inner in value if inner not in LEFT_OUT]
-    return value
+        return [_without_long_fields(inner) for inner in value]
+    return float(f"{value:.4g}") if isinstance(value, float) else value
 
 
 def _tool_result(text: str, **more: Any) -> types.CallToolResult:

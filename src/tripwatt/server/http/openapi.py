@@ -144,7 +144,7 @@ def describe_requests(app: FastAPI, *, with_token: bool) -> None:
             document = derive()
             for operations in document["paths"].values():
                 for parameter in (p for of in operations.values() for p in of.get("parameters", ())):
-                    parameter["schema"] = _without_null(parameter["schema"])
+                    parameter["schema"] = without_null(parameter["schema"])
             security = {"car": {"type": "http", "scheme": "bearer"}}
             if with_token:
                 security["token"] = {"type": "http", "scheme": "bearer"}
@@ -170,7 +170,7 @@ def _schemas(answers: Iterable[Any]) -> dict[str, Any]:
     return dict(document["$defs"])
 
 
-def _without_null(schema: dict[str, Any]) -> dict[str, Any]:
+def without_null(schema: dict[str, Any]) -> dict[str, Any]:
     """Return the schema of a parameter without null: in a URL, a parameter can be left out but not be null."""
     kinds = [kind for kind in schema.get("anyOf", ()) if kind != {"type": "null"}]
     return {**kinds[0], **{k: v for k, v in schema.items() if k != "anyOf"}} if len(kinds) == 1 else schema
