@@ -392,12 +392,13 @@ def damage(path: object, allowed: str, fix: str = "", what: str = "damaged file"
     ...     {}["request"]
     Traceback (most recent call last):
     ...
-    tripwatt.errors.InvalidInput: damaged file: car/plan.json: got 'request'; allowed: a plan
+    tripwatt.errors.InvalidInput: damaged file: car/plan.json: got no 'request'; allowed: a plan
     """
     try:
         yield
     except DAMAGE as error:
-        raise InvalidInput.of(what, f"{path}", f"{error}"[:200], allowed, fix) from error
+        got = f"no {error}" if isinstance(error, KeyError) else f"{error}"
+        raise InvalidInput.of(what, f"{path}", got[:200], allowed, fix) from error
 
 
 def or_none(call: Callable[Given, Checked], *args: Given.args, **more: Given.kwargs) -> Checked | None:

@@ -22,7 +22,7 @@ def model(request) -> tw.ForecastModel:
 
 
 def with_pause(*pause_s: float, position_m: float = 20_000.0) -> Plan:
-    return replace(BOTH, pauses=tuple(Pause(position_m, seconds) for seconds in pause_s))
+    return replace(BOTH, pauses=tuple(Pause(position_m, seconds, cools=True) for seconds in pause_s))
 
 
 def taken_wh(model: tw.ForecastModel, pause_s: float, departure: tw.Departure = COLD) -> float:

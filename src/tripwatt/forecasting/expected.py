@@ -67,13 +67,13 @@ class ExpectedTrip:
     correction_w: FloatArray
 
     def with_pauses(self, forecast: Callable[[Plan], Any]) -> ExpectedTrip:
-        """Add the energy that the car takes in the pauses of the plan, and to get warm again after each.
+        """Add the energy that the car takes in the pauses in which it cools down, and to get warm again after each.
 
         The roads before and after a pause are forecast as two trips; the second begins with a cold car. The share of the warmth that is
         lost in the pause is the share of their power that counts. The additional energy has the cause climate control.
         """
         simulated_w, hours = self.table.simulated_w.copy(), self.table.hours
-        for k, pause in enumerate(self.plan.pauses):
+        for k, pause in ((k, pause) for k, pause in enumerate(self.plan.pauses) if pause.cools):
             first = min(int(np.searchsorted(self.distance_m, pause.position_m)), len(hours) - 1)
             lost = 1.0 - np.exp(-pause.duration_s / COOLING_S)
             if first:

@@ -109,7 +109,7 @@ def pauses_of(length_m: FloatArray, time_s: FloatArray, carried: BoolArray) -> t
     Examples
     --------
     >>> pauses_of(np.array([1e3, 5e3, 1e3]), np.array([60.0, 1200.0, 60.0]), np.array([False, True, False]))
-    (Pause(position_m=1000.0, duration_s=1200.0, carried_m=5000.0),)
+    (Pause(position_m=1000.0, duration_s=1200.0, carried_m=5000.0, cools=False),)
     """
     edges = np.flatnonzero(np.diff(np.concatenate(([False], carried, [False])).astype(np.int8)))
     driven = running_sum(np.where(carried, 0.0, length_m))

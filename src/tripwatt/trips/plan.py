@@ -40,16 +40,19 @@ class Pause:
         Length of the pause [s].
     carried_m : float
         Distance over which the car is carried [m]; 0 = parked.
+    cools : bool
+        Whether the car is known to be off, so that it has to get warm again. A gap in a track, or a crossing, does not show this.
 
     Examples
     --------
     >>> Pause(9900.0, duration_s=2700.0)
-    Pause(position_m=9900.0, duration_s=2700.0, carried_m=0.0)
+    Pause(position_m=9900.0, duration_s=2700.0, carried_m=0.0, cools=False)
     """
 
     position_m: float
     duration_s: float
     carried_m: float = 0.0
+    cools: bool = False
 
 
 @dataclass(frozen=True, eq=False)

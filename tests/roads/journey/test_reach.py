@@ -13,7 +13,7 @@ from tripwatt.roads.journey.reach import reach_along, reached_share
 
 def test_a_charge_reaches_as_far_as_the_forecast_says(model):
     drive = RoadForecaster(model, tw.Departure(soc=0.3, ambient_temperature_degc=10.0))
-    found = find_reach(drive, A, MADE)
+    found = find_reach(drive, A, MADE, reserve=0.0)
     assert not found.map_ends
     sure, likely = found.outlines[0.95], found.outlines[0.5]
     assert len(sure) == len(likely) == 24

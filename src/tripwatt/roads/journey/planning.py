@@ -142,7 +142,7 @@ class RoadForecast:
     >>> expected.soc_at(0.0) > expected.soc_at(3000.0)
     True
     >>> sorted(expected.to_dict(reserve=0.1))[:4]
-    ['charging', 'distance_m', 'duration_s', 'forecast']
+    ['charging', 'distance_m', 'duration_s', 'elevation']
     """
 
     road: Road

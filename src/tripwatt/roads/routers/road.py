@@ -160,7 +160,9 @@ class Road:
     def with_pause(self, pause_s: float) -> Road:
         """Return the road with a pause at its last place on the way [s], or half of the way if its position is unknown."""
         turn_m = self.stop_position_m[-1] if self.stop_position_m else 0.5 * self.distance_m
-        pauses = sorted((*self.links.pauses, Pause(turn_m, pause_s)), key=lambda pause: pause.position_m)
+        pauses = sorted(
+            (*self.links.pauses, Pause(turn_m, pause_s, cools=True)), key=lambda pause: pause.position_m
+        )
         return self.with_links(replace(self.links, pauses=tuple(pauses)))
 
     def with_links(self, links: LinkRoute) -> Road:
