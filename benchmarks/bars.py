@@ -50,6 +50,7 @@ from benchmarks import (
     speed_caps,
     steady,
     stops,
+    stream,
     unknown_climb,
     ved_trips,
 )
@@ -94,6 +95,7 @@ def suites(results: Path | None, forecast: Path | None, links: Path | None) -> I
     yield Suite(f"OMP_NUM_THREADS=1 {bench}gam", gam.run, (REFERENCE / "mgcv",))
     yield Suite(f"{bench}forecast", forecast_speed.run)
     yield Suite(f"{bench}service", service.rows)
+    yield Suite(f"{bench}stream", stream.rows)
     yield Suite(f"{bench}hostile", hostile.rows)
     yield Suite(f"{bench}installed --tests", partial(installed.rows, tests=True))
     yield Suite(f"{bench}leave_with", leave_with.rows)
