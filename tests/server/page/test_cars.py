@@ -156,7 +156,8 @@ def test_a_car_is_made_taught_used_and_deleted(opened: Any, service: Service) ->
     shown = dialog(page).locator(".error-now .arrival").inner_text()
     assert f"{100.0 * car['latest_by_book']['weighted_error']:.1f}" in shown
     assert f"{100.0 * car['latest']['weighted_error']:.1f}" in shown
-    assert "primary" in use.get_attribute("class")
+    is_better = car["latest"]["weighted_error"] < car["latest_by_book"]["weighted_error"]
+    assert ("primary" in use.get_attribute("class")) == is_better
     by_name = {name: factor["seen_degc"] for name, factor in car["learned"].items()}
     seen = [degc for range_ in by_name.values() if range_ for degc in range_]
     shown = f"Measured at {whole(min(seen))} to {whole(max(seen))} °C."

@@ -3,6 +3,9 @@
 import type { Place, Station } from "../api/documents";
 import { metresBetween, type Position } from "./road";
 
+/** Who charges nearer than this to the start does not drive there [m]. */
+export const HERE_M = 200;
+
 /** Kind of a place on the way at which the car charges. */
 export const STATION_KIND = "charging_station";
 

@@ -22,7 +22,10 @@ export const chargingPlan = computed((): ChargingPlan | null => {
 export const answer = computed((): Answer | null => {
   if (chargingPlan.value) return answerWithStops(chargingPlan.value);
   const now = shownForecast.value;
-  return now && answerOf(now, requested.value.at.reserve);
+  const own = now && answerOf(now, requested.value.at.reserve);
+  const road = trip.value?.stops ? journey.value?.roads[chosenRoad.value] : undefined;
+  const pausedS = road ? road.duration_s - (road.forecast.series.time_s.at(-1) as number) : 0;
+  return own && { ...own, drivingS: own.drivingS + pausedS };
 });
 
 /** Whether what is shown is of other places than those that are written in the form, and not planned yet. */

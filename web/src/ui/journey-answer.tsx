@@ -1,6 +1,7 @@
 import type { ChargingPlan, Journey, Road, Stop } from "../api/documents";
 import { hundredthsOf, verdictOf } from "../model/arrival";
 import { BELOW } from "../model/answer";
+import { HERE_M } from "../model/stations";
 import { ENERGY, PERCENT, POWER } from "../model/units";
 import { chargingPlan, clock, isOfOtherPlaces } from "../state/answer";
 import { chooseRoad, requested } from "../state/forecast";
@@ -149,8 +150,9 @@ function StopRow({ of, isFirst }: { of: Stop; isFirst: boolean }) {
         </b>
         <span class="figures">
           {" · "}
-          {words.arriveThere(rangeWithUnit(of.soc_interval, PERCENT))} ·{" "}
-          {reached(chanceInFigures(of.p_reach))}
+          {of.position_m < HERE_M
+            ? words.here
+            : `${words.arriveThere(rangeWithUnit(of.soc_interval, PERCENT))} · ${reached(chanceInFigures(of.p_reach))}`}
           {of.preheat && ` · ${words.preheat}`}
           {of.needed_below <= of.soc_interval[1] && ` · ${words.neededBelow(upwards(of.needed_below))}`}
         </span>

@@ -100,12 +100,13 @@ function Shown({ of }: { of: OwnCar }) {
   const [asks, setAsks] = useState(false);
   const { ownCars: words } = text.value;
   const isUsed = car.value?.own === of.name;
+  const isBetter = (of.latest.weighted_error ?? 1) < (of.latest_by_book.weighted_error ?? 0);
   return (
     <>
       <p class="note">{of.title}</p>
       <div class="actions start">
         <Button
-          class={isUsed || of.in_diary === 0 || logs.value?.car === of.name ? "" : "primary"}
+          class={isUsed || !isBetter || logs.value?.car === of.name ? "" : "primary"}
           disabled={isUsed}
           onClick={() => {
             useCar(of);

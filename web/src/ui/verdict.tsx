@@ -5,6 +5,7 @@ import type { Forecast, Stop } from "../api/documents";
 import { type Answer, BELOW, decisiveChance, isDoubtful, verdictOfAnswer } from "../model/answer";
 import { emptyAfterM, socFromEnergy, type Verdict } from "../model/arrival";
 import { warningsOf } from "../model/flags";
+import { HERE_M } from "../model/stations";
 import { ENERGY, PERCENT } from "../model/units";
 import { source } from "../state/catalogue";
 import { conditions } from "../state/conditions";
@@ -48,9 +49,6 @@ const LOW_SOC = 0.2;
 
 /** Nearer places are told with a digit more [m]. */
 const NEAR_M = 10_000;
-
-/** Who charges nearer than this to the start does not drive there [m]. */
-const HERE_M = 200;
 
 /** A smaller charge is 0 % as it is shown. */
 const SHOWN_SOC = 0.005;
@@ -116,6 +114,7 @@ function Whole({ now, isEmpty }: { now: Answer; isEmpty: boolean }) {
   const [time, day] = at ? clockParts(at.arrives, at.isNow ? at.leaves : new Date()) : [];
   const pluggedS = now.chargingS - now.overheadS;
   const km = shown(now.distanceM, units.value.distance, now.distanceM < 100_000 ? 1 : 0);
+  const pause = turn.value?.pauseS ? words.ofItPause(duration(turn.value.pauseS)) : km;
   return (
     <dl class="whole">
       {at && !isEmpty && (
@@ -128,7 +127,7 @@ function Whole({ now, isEmpty }: { now: Answer; isEmpty: boolean }) {
       <Stat label={isLookingForStops.value ? words.drivingAlone : words.duration}>
         {duration(now.drivingS + now.chargingS)}
         <small>
-          {now.chargingS > 0 ? words.ofItCharging(duration(pluggedS), duration(now.overheadS)) : km}
+          {now.chargingS > 0 ? words.ofItCharging(duration(pluggedS), duration(now.overheadS)) : pause}
         </small>
       </Stat>
       <Stat label={result.energy}>
