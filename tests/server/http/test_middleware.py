@@ -42,6 +42,19 @@ def test_requests_without_the_token_are_refused(strict: Service) -> None:
         assert httpx.get(f"{strict.url}{path}").status_code == 401
 
 
+def test_a_stream_takes_the_token_of_its_address_which_is_not_logged(strict: Service) -> None:
+    """An EventSource of a browser sends no header; other operations do not take it so."""
+    for path, given, status in (
+        ("/v1/live/events", TOKEN, 501),
+        ("/v1/live/leaf/events", TOKEN, 501),
+        ("/v1/live/events", f"{TOKEN}x", 401),
+        ("/v1/models", TOKEN, 401),
+    ):
+        answer = httpx.get(f"{strict.url}{path}", params={"token": given})
+        assert answer.status_code == status, path
+    assert TOKEN not in strict.log.read_text()
+
+
 def test_health_needs_no_token_and_the_token_gives_access(strict: Service) -> None:
     assert strict.client.get("/healthz", headers={"Authorization": ""}).status_code == 200
     assert strict.client.get("/readyz", headers={"Authorization": ""}).json()["workers"] == 1
