@@ -30,7 +30,7 @@ async def _watch(
     client: httpx.AsyncClient, sent_s: dict[tuple[str, int], float], delays: list[float]
 ) -> None:
     shown: dict[str, int] = {}
-    async with client.stream("GET", "/v1/live/events", timeout=None) as stream:
+    async with client.stream("GET", "/v1/events", timeout=None) as stream:
         async for line in stream.aiter_lines():
             if not line.startswith("data: "):
                 continue

@@ -45,9 +45,9 @@ def test_requests_without_the_token_are_refused(strict: Service) -> None:
 def test_a_stream_takes_the_token_of_its_address_which_is_not_logged(strict: Service) -> None:
     """An EventSource of a browser sends no header; other operations do not take it so."""
     for path, given, status in (
-        ("/v1/live/events", TOKEN, 501),
+        ("/v1/events", TOKEN, 501),
         ("/v1/live/leaf/events", TOKEN, 501),
-        ("/v1/live/events", f"{TOKEN}x", 401),
+        ("/v1/events", f"{TOKEN}x", 401),
         ("/v1/models", TOKEN, 401),
     ):
         answer = httpx.get(f"{strict.url}{path}", params={"token": given})

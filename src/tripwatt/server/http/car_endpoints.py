@@ -179,7 +179,7 @@ async def list_live(call: Called, include: Include = None) -> Response:
     return json_response({"cars": [await ahead.shown(car, include) for _, car in sorted(cars.items())]})
 
 
-@live.get("/v1/live/events", **LIVE_EVENTS)
+@live.get("/v1/events", **LIVE_EVENTS)
 async def get_all_events(call: Called, token: EventToken = None) -> Response:
     """Stream the states of all cars on the road as server-sent events."""
     return Response(media_type=EVENTS) if _is_head(call) else call.service.live.stream(None)
