@@ -16,7 +16,7 @@ from pathlib import Path
 
 from tests.support import ROOT
 
-PLAIN = "^/(?!v1/(journeys|reachable|places|tiles|map/view|live|need|telemetry|cars))"
+PLAIN = "^/(?!v1/(journeys|reachable|places|tiles|map/view|live|events|need|telemetry|cars))"
 """Paths of a service without a map and without cars on the road; the others answer 501."""
 
 CONFIGURATION = """

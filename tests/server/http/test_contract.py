@@ -412,8 +412,8 @@ def test_every_door_has_the_same_defaults() -> None:
         assert known["reserve"].default == 0.1, function
         assert "probability" not in known or known["probability"].default == 0.95, function
         assert not NOT_NOUNS & known.keys()
-    for tool in TOOLS.values():
-        fields = tool.takes.model_fields
+    for _, takes in TOOLS.values():
+        fields = takes.model_fields
         assert not NOT_NOUNS & fields.keys()
         assert "reserve" not in fields or fields["reserve"].default == 0.1
     for command in (need, range_, reach, forecast, advise):
