@@ -359,6 +359,7 @@ def test_weather_and_extras_are_fields_of_the_request_and_advice_names_what_save
     card = page.locator(".advice[aria-busy=false]")
     card.wait_for()
     assert [one["actions"][0]["code"] for one in answer["singly"]] != []
+    card.locator(".savings > li").nth(len(answer["singly"]) - 1).wait_for()
     assert card.locator(".savings > li").count() == len(answer["singly"])
     first, saved = answer["singly"][0], card.locator(".savings > li").first
     assert f"saves {-first['difference']['energy_wh'] / 1000.0:.2f}" in saved.inner_text()
