@@ -67,7 +67,7 @@ def wrong(advice: dict[str, Any], energy_wh: float, departure: tw.Departure) -> 
             yield f"{code} without {NEEDS[code]}"
         elif code == "less_luggage" and action["value"] > (departure.payload_mass_kg or 0.0):
             yield "more luggage left than there is"
-    yield from ("a set that is not enough" for a in advice["least"] if a["p_arrive"] < advice["chance"])
+    yield from ("a set that is not enough" for a in advice["least"] if a["p_arrive"] < advice["probability"])
 
 
 def rows(names: Sequence[str] = ()) -> Iterator[Row]:
