@@ -82,8 +82,7 @@ def contradictions(journey: dict[str, Any]) -> Iterator[str]:
                 yield "a stop below 5 minutes"
             if stop["soc_leave"] <= stop["soc_arrival"]:
                 yield "a stop that loses charge"
-            # who leaves below the reserve charges at the station at the door, as the page says: here first
-            if stop["position_m"] < 1000.0 and plan["course"]["displayed_soc"][0] >= reserve:
+            if stop["position_m"] < 1000.0:
                 yield "a stop at the start"
         if (
             not plan["soc_interval"][0] - ROUNDING

@@ -31,7 +31,7 @@ WEATHER: Final = (
 """Outside temperature [°C], extras and load [kg]."""
 MIN_SAVED_WH, MIN_SAVED_SHARE = 200.0, 0.02
 LIMITS: Final = {"summer_tyres": (7.0, 60.0), "climate_off": (8.0, 30.0), "seats": (-60.0, 18.0)}
-"""Code of an action -> temperatures [°C] between which it is possible; who arrives below the reserve may drive without climate control."""
+"""Code of an action -> temperatures [°C] between which it is possible."""
 NEEDS: Final = {"no_roof_box": "roof_box", "summer_tyres": "winter_tyres"}
 KNOWN: Final = {"slower", "calmer", "setpoint", "seats", "climate_off", *NEEDS, "less_luggage"}
 """Actions of somebody who leaves now with good tyres."""
@@ -61,9 +61,7 @@ def wrong(advice: dict[str, Any], energy_wh: float, departure: tw.Departure) -> 
         low, high = LIMITS.get(code, (-60.0, 60.0))
         if code not in KNOWN:
             yield f"{code} is no action of one who leaves now"
-        elif not low <= degc <= high and not (
-            code == "climate_off" and advice["soc_arrival"] < advice["reserve"]
-        ):
+        elif not low <= degc <= high:
             yield f"{code} at {degc:g} °C"
         elif code in NEEDS and NEEDS[code] not in (departure.extras or ()):
             yield f"{code} without {NEEDS[code]}"
