@@ -767,7 +767,9 @@ def test_the_way_back_and_a_place_on_the_way(page: Any, expected: list[str]) -> 
     page.get_by_role("button", name="Add a place on the way").press("Enter")
     choose(page, "Via 1", "haupt", "Hauptstraße")
     choose(page, "To", "ost", "Ostheim")
-    page.get_by_label("And back").press("Space")
+    with page.expect_response(lambda r: r.url.endswith("/v1/journeys")) as asked:
+        page.get_by_label("And back").press("Space")
+    assert asked.value.request.post_data_json["pause_s"] == 0.0
     page.get_by_label("Pause at the destination").fill("8")
     with page.expect_response(lambda r: r.url.endswith("/v1/journeys")) as asked:
         page.get_by_role("button", name="Plan", exact=True).press("Enter")
