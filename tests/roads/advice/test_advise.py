@@ -173,9 +173,9 @@ def test_no_car_gets_absurd_advice(model: ForecastModel, name: str) -> None:
             if action.code == "slower":
                 assert (action.value or 0.0) * 3.6 >= 79.9
             if action.code == "climate_off":
-                assert MILD_DEGC[0] <= degc <= MILD_DEGC[1] or advice.forecast.soc_arrival < advice.reserve
+                assert MILD_DEGC[0] <= degc <= MILD_DEGC[1]
             if action.code == "setpoint":
-                assert 18.0 <= (action.value or 0.0) <= 26.0
+                assert 16.0 <= (action.value or 0.0) <= 28.0
             if action.code == "summer_tyres":
                 assert degc > 7.0
         least_wh = max(200.0, 0.02 * advice.forecast.energy_wh)
@@ -184,20 +184,6 @@ def test_no_car_gets_absurd_advice(model: ForecastModel, name: str) -> None:
         for one in advice.least:
             assert len({action.group for action in one.actions}) == len(one.actions)
             assert one.difference.energy_wh < 0.0
-
-
-@pytest.mark.parametrize("degc", [-10.0, 5.0, 36.0])
-def test_who_arrives_below_the_reserve_is_offered_to_drive_without_climate_control(
-    model: ForecastModel, degc: float
-) -> None:
-    """On any day; who arrives with enough keeps a clear windscreen."""
-    plan = road(0.3, ambient_temperature_degc=degc)
-    charged = charged_for(model, plan, 0.999)
-    less = Departure(soc=float(charged.along.expected_soc[0]) + 0.08 - charged.soc_arrival)
-    short, enough = (tw.advise(one) for one in (model.forecast(plan, less), charged))
-    assert short.forecast.soc_arrival < short.reserve < enough.forecast.soc_arrival
-    codes = [{a.code for one in (*b.singly, *b.least) for a in one.actions} for b in (short, enough)]
-    assert ["climate_off" in given for given in codes] == [True, False]
 
 
 def test_tyres_are_pumped_up_where_their_pressure_is_low(

@@ -30,15 +30,15 @@ FAST_KM_H: Final = 90.0
 """Trips that are nowhere faster than this are not slowed down: on a road with one lane, the speed is that of the other cars."""
 GENTLE_M_S2: Final = 0.9
 """Acceleration and braking of a calm driver: a choice of the order that eco-driving courses teach."""
-_SETPOINT_STEPS_K: Final = (2.0, 4.0)
-"""Steps by which the set-point is moved towards the outside temperature. A choice: a cabin of 22 °C stays at 18 °C or more."""
+_SETPOINT_STEPS_K: Final = (2.0, 4.0, 6.0)
+"""Steps by which the set-point is moved towards the outside temperature, within 16 to 28 °C: choices, the latter about the ends of what cars offer."""
 _SEATS_SETPOINT_DEGC: Final = 16.0
 """Set-point of the cabin with heated seats in place of warm air: a choice, because seats warm the body, not the air."""
 _SEATS_FROM_K: Final = 8.0
 """Heated seats are advised only if the outside air is more than this below the set-point: a choice, because a smaller difference
 saves little."""
 MILD_DEGC: Final = (8.0, 30.0)
-"""Outside temperatures at which a car with enough charge is driven without climate control: below, windows mist; above, drivers tire."""
+"""Outside temperatures at which a car is driven without climate control: below, windows mist; above, drivers tire."""
 _LUGGAGE_KG: Final = 50.0
 """Luggage that is advised to be left at home: a choice, because less saves nothing that a driver would see."""
 ALONE: Final = ("road", "departure")
@@ -177,24 +177,19 @@ def _with_speeds(plan: Plan, speed_m_s: FloatArray) -> Plan:
     return replace(plan, samples=samples, step_s=step_s)
 
 
-def actions(forecast: Forecast, is_short: bool = False) -> Iterator[Action]:
-    """Yield all actions that are possible for a trip, whether they help or not; in each group, the mildest comes first.
-
-    If the charge is short, driving without climate control is possible in any weather, and the strongest action on it comes first.
-    """
+def actions(forecast: Forecast) -> Iterator[Action]:
+    """Yield all actions that are possible for a trip, whether they help or not; in each group, the mildest comes first."""
     plan, vehicle = forecast.plan, forecast.vehicle
     yield from _driving_actions(plan)
-    climate = [*_climate_actions(vehicle, plan, is_short)]
-    yield from reversed(climate) if is_short else climate
+    yield from _climate_actions(vehicle, plan)
     yield from _plug_actions(vehicle, plan)
     yield from _load_actions(plan.departure)
 
 
 def limits_below(fastest_m_s: float) -> list[float]:
     """Return the advised speeds more than 1 m/s below the fastest of a trip [m/s], highest first; none if that is at most `FAST_KM_H`."""
-    fast = FAST_KM_H * M_S_PER_KM_H
     limits = [speed * M_S_PER_KM_H for speed in SPEEDS_KM_H]
-    return [limit for limit in limits if fastest_m_s > max(limit + 1.0, fast)]
+    return [limit for limit in limits if fastest_m_s > max(limit + 1.0, FAST_KM_H * M_S_PER_KM_H)]
 
 
 def _driving_actions(plan: Plan) -> Iterator[Action]:
@@ -203,8 +198,8 @@ def _driving_actions(plan: Plan) -> Iterator[Action]:
     yield Action("calmer", "driving", "little", {}, acceleration_m_s2=GENTLE_M_S2)
 
 
-def _climate_actions(vehicle: Vehicle, plan: Plan, is_short: bool) -> Iterator[Action]:
-    """Yield a set-point nearer to the outside air, heated seats and no climate control, the last one if it is mild or the charge is short."""
+def _climate_actions(vehicle: Vehicle, plan: Plan) -> Iterator[Action]:
+    """Yield a set-point nearer to the outside air, heated seats, and no climate control if it is mild."""
     departure = plan.departure
     if vehicle.climate is None or departure.climate == "off":
         return
@@ -213,12 +208,12 @@ def _climate_actions(vehicle: Vehicle, plan: Plan, is_short: bool) -> Iterator[A
     cold = outside < setpoint
     for k in _SETPOINT_STEPS_K:
         moved = setpoint - k if cold else setpoint + k
-        if min(abs(outside - setpoint), 26.0 - moved, moved - 17.0) >= 1.0:
+        if min(abs(outside - setpoint), 29.0 - moved, moved - 15.0) >= 1.0:
             yield Action("setpoint", "climate", "some", {"cabin_setpoint_degc": moved}, moved)
     if cold and setpoint - outside > _SEATS_FROM_K and "heated_seats" not in (departure.extras or ()):
         seats = {"cabin_setpoint_degc": _SEATS_SETPOINT_DEGC}
         yield Action("seats", "climate", "some", seats, fitted="heated_seats")
-    if is_short or MILD_DEGC[0] <= outside <= MILD_DEGC[1]:
+    if MILD_DEGC[0] <= outside <= MILD_DEGC[1]:
         yield Action("climate_off", "climate", "much", {"climate": "off"})
 
 

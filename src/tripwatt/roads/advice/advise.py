@@ -313,12 +313,11 @@ def advise(
     trials = _Trials(forecast, reserve)
     leaves = forecast.plan.departure.departs_at or now
     left_s = math.inf if now is None or leaves is None else max((leaves - now).total_seconds(), 0.0)
-    is_short = (wholes[0].p_reserve if wholes else p_arrive) < probability and forecast.soc_arrival < reserve
-    candidates = [trials.with_actions(one) for one in actions(forecast, is_short) if one.before_s <= left_s]
+    candidates = [trials.with_actions(one) for one in actions(forecast) if one.before_s <= left_s]
     candidates += [trials.compared((action,), way, forecast) for action, way in ways]
     least_wh = max(_MIN_SAVED_WH, _MIN_SAVED_SHARE * forecast.energy_wh)
-    differences = ((advised, advised.difference) for advised in candidates)
-    saving = [one for one, less in differences if less.p_less >= _MIN_P_LESS and less.energy_wh <= -least_wh]
+    likely = [advised for advised in candidates if advised.difference.p_less >= _MIN_P_LESS]
+    saving = [advised for advised in likely if advised.difference.energy_wh <= -least_wh]
     mildest = {advised.actions[0].group: advised for advised in reversed(saving)}
     counted = [_with_stops(trip, one) if isinstance(trip, Journey) else one for one in mildest.values()]
     singly = [
