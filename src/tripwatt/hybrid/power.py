@@ -270,28 +270,27 @@ class GPCorrector(PowerCorrector):
 
     def predict(self, table: SegmentTable) -> FloatArray:
         """Residual power [W]."""
-        return self._mean(self.model.features(table.features)[0], table)
+        rows = table.features
+        return self._mean(self.model.features(rows)[0], self.familiarity.share(rows), table)
 
     def outside_factor(self, table: SegmentTable) -> FloatArray:
         """Factor from the prior of the process: for times beyond those of the training, and for the faded part of the correction."""
-        share = self.familiarity.share(table.features)[:, None]
-        edge = self.model.outside_factor(
-            table.features, {"time_s": SETTLED_S}, inside=self.familiarity.ranges
-        )
+        rows = table.features
+        share = self.familiarity.share(rows)[:, None]
+        edge = self.model.outside_factor(rows, {"time_s": SETTLED_S}, inside=self.familiarity.ranges)
         if (share == 1.0).all():
             return edge
-        lost = self.model.prior_factor(self.model.features(table.features)[0])
+        lost = self.model.prior_factor(self.model.features(rows)[0])
         return np.hstack([edge * share, lost * np.sqrt(1.0 - share**2)])
 
     def predict_with_uncertainty(self, table: SegmentTable) -> tuple[FloatArray, FloatArray]:
         """Residual power and factor of its covariance, computed from the same features."""
         features, _ = self.model.features(table.features)
         share = self.familiarity.share(table.features)
-        return self._mean(features, table), self.model.factor(features) * share[:, None]
+        return self._mean(features, share, table), self.model.factor(features) * share[:, None]
 
-    def _mean(self, features: FloatArray, table: SegmentTable) -> FloatArray:
+    def _mean(self, features: FloatArray, share: FloatArray, table: SegmentTable) -> FloatArray:
         """Mean of the process plus shape within the trip, both times the share that counts."""
-        share = self.familiarity.share(table.features)
         shape = less_trip_mean((features @ self.shape * share)[:, None], table)[:, 0]
         return self.model.mean(features) * share + shape
 

@@ -49,7 +49,7 @@ def structure_faults(
     if len(samples) < 2:
         yield Fault("too few samples", where, f"{len(samples)}", "at least 2")
     names = samples.columns
-    twice = names[names.duplicated()].unique().tolist()
+    twice = [] if names.is_unique else names[names.duplicated()].unique().tolist()
     for name in twice:
         yield Fault("column given twice", where, excerpt(name), "each name once")
     for name in names:
