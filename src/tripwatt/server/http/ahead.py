@@ -94,10 +94,8 @@ class Ahead:
         document = await self.cars.document(car)
         state = (*car.live_state[1:], document["soc"], time.time() // NEED_S)
         if car not in self.known or self.known[car][0] != state:
-            is_unplanned = car.trip is not None and document["forecast"] is None
-            ahead = [
-                await self._without_road(car, "distance", distance_km=km) for km in NEXT_KM * is_unplanned
-            ]
+            next_km = NEXT_KM * (car.trip is not None and document["forecast"] is None)
+            ahead = [await self._without_road(car, "distance", distance_km=km) for km in next_km]
             needed = None if car.trip else await _or_none(self.need(car, NeedQuery.model_validate({})))
             range_ = None if document["soc"] is None else await self._without_road(car, "range")
             fields = {"need": needed, "range": range_, "next": [one for one in ahead if one]}

@@ -26,7 +26,7 @@ from tripwatt.server.http.endpoints import forecasts, journeys, library, monitor
 from tripwatt.server.http.fleet_endpoints import fleet
 from tripwatt.server.http.middleware import ServiceMiddleware
 from tripwatt.server.http.openapi import DESCRIPTION, describe_requests
-from tripwatt.server.http.problems import Problem, invalid_input
+from tripwatt.server.http.problems import Problem, invalid_input, problem_of
 from tripwatt.server.http.service import Service, request_id
 from tripwatt.server.http.settings import Settings
 
@@ -131,12 +131,9 @@ def _add_handlers(app: FastAPI) -> None:
     """Answer every error with a problem document."""
 
     @app.exception_handler(Problem)
-    async def on_problem(request: Request, error: Problem) -> Response:
-        return error.response(request_id(request))
-
     @app.exception_handler(InvalidInput)
-    async def on_invalid(request: Request, error: InvalidInput) -> Response:
-        return invalid_input(error.faults).response(request_id(request))
+    async def on_problem(request: Request, error: Problem | InvalidInput) -> Response:
+        return problem_of(error).response(request_id(request))
 
     @app.exception_handler(HTTPException)
     async def on_http(request: Request, error: HTTPException) -> Response:

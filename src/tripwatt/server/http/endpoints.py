@@ -159,12 +159,7 @@ async def get_map(call: Called) -> Response:
 
 @journeys.get("/v1/map/view", response_model=journey.ViewResponse, **INTERNAL)
 async def get_view(
-    call: Called,
-    south: Latitude,
-    west: Longitude,
-    north: Latitude,
-    east: Longitude,
-    limit: MaxShown = 200,
+    call: Called, south: Latitude, west: Longitude, north: Latitude, east: Longitude, limit: MaxShown = 200
 ) -> Response:
     """Return settlements and charging stations inside of bounds."""
     return await call.job("journeys.view", bounds_deg=[south, west, north, east], limit=limit)

@@ -385,12 +385,7 @@ def require_finite(forecast: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _needed(
-    ahead: Any,
-    kind: str,
-    departure: Departure,
-    last_message: Known,
-    about: dict[str, Any],
-    **asked: Any,
+    ahead: Any, kind: str, departure: Departure, last_message: Known, about: dict[str, Any], **asked: Any
 ) -> dict[str, Any]:
     """Return the `NeedResponse` of a distance or a trip; `asked` are further arguments of `need_before_departure`."""
     departure, flags = _with_last_message(departure, last_message, asked["model"].vehicle)

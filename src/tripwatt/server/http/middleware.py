@@ -125,11 +125,9 @@ class ServiceMiddleware:
         if scope["method"] not in SAFE_METHODS or path.startswith(TOKEN_PATHS):
             _check_site(headers, self.settings.cors_origins)
         if self.token and path.startswith(TOKEN_PATHS) and path not in CAR_TOKEN_PATHS:
-            of_query = (
-                dict(parse_qsl(scope["query_string"])).get(b"token") if path.endswith("/events") else None
-            )
-            bearer = [] if of_query is None else [f"Bearer {of_query.decode('latin-1')}"]
-            self._check_token(headers.getlist("authorization") or bearer)
+            query = dict(parse_qsl(scope["query_string"])) if path.endswith("/events") else {}
+            of_query = [f"Bearer {query[b'token'].decode('latin-1')}"] if b"token" in query else []
+            self._check_token(headers.getlist("authorization") or of_query)
 
     def _check_host(self, hosts: list[str]) -> None:
         allowed = self.settings.hosts

@@ -10,7 +10,7 @@ from typing import Any, Final
 import orjson
 from starlette.responses import Response
 
-from tripwatt.errors import Fault
+from tripwatt.errors import Fault, InvalidInput, RemoteError
 from tripwatt.files import shipped_toml
 
 MEDIA_TYPE: Final = "application/problem+json"
@@ -128,3 +128,16 @@ def json_pointer(where: str) -> str | None:
 def invalid_input(faults: Sequence[Fault]) -> Problem:
     """Return the problem of an input with faults."""
     return Problem("invalid-input", faults=tuple(faults))
+
+
+def problem_of(error: Problem | InvalidInput) -> Problem:
+    """Return the problem that an error is, or that its faults are.
+
+    Examples
+    --------
+    >>> problem_of(InvalidInput([])).kind, problem_of(RemoteError([])).kind, problem_of(Problem("busy")).kind
+    ('invalid-input', 'remote', 'busy')
+    """
+    if isinstance(error, Problem):
+        return error
+    return Problem("remote" if isinstance(error, RemoteError) else "invalid-input", faults=error.faults)

@@ -17,13 +17,13 @@ from typing import Any, Final
 
 import orjson
 
-from tripwatt.errors import Fault, InvalidInput, RemoteError, excerpt, raise_faults
+from tripwatt.errors import Fault, InvalidInput, excerpt, raise_faults
 from tripwatt.roads.journey import AtlasSettings
 from tripwatt.server.http.car_jobs import CarJobs
 from tripwatt.server.http.jobs import Jobs
 from tripwatt.server.http.journeys import JourneyJobs
 from tripwatt.server.http.log import log_json
-from tripwatt.server.http.problems import Problem, invalid_input
+from tripwatt.server.http.problems import Problem, problem_of
 from tripwatt.server.http.settings import Limits
 
 if sys.platform == "linux":
@@ -103,12 +103,8 @@ def run_job(jobs: Jobs, job: dict[str, Any], body: bytes) -> tuple[int, bytes]:
         if isinstance(document, bytes):
             return 200, document
         return 200, orjson.dumps(chosen_fields(document, job.get("fields")))
-    except RemoteError as error:
-        problem = Problem("remote", faults=error.faults)
-    except InvalidInput as error:
-        problem = invalid_input(error.faults)
-    except Problem as error:
-        problem = error
+    except (InvalidInput, Problem) as error:
+        problem = problem_of(error)
     except MemoryError:
         log_json(event="out of memory", kind=job["kind"])
         limit = f"it takes more than {jobs.limits.memory_bytes} bytes of memory"
