@@ -9,16 +9,19 @@ import subprocess
 import sys
 from collections.abc import Awaitable, Callable, Iterator
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import anyio
 import pytest
+from tests.roads.journey.made import MADE
 from tests.support import ROOT
 from tests.support.roads import osrm
 from tests.support.router_server import RouterServer, answering, write_map
 
 import tripwatt as tw
+from tripwatt.fleet.registry import Registry
 from tripwatt.roads.journey import AtlasSettings, open_atlas
 from tripwatt.server.http.example_requests import PLANNED_REQUEST
 from tripwatt.server.http.jobs import Jobs
@@ -27,11 +30,13 @@ from tripwatt.study.synthetic import synthetic_fleet
 
 pytest.importorskip("mcp", reason="the extra mcp is not installed")
 from jsonschema import Draft202012Validator
-from mcp import Client, StdioServerParameters
+from mcp import Client, MCPError, StdioServerParameters
+from mcp_types import INVALID_PARAMS
 
 from tripwatt.server.http.car_jobs import CarJobs
 from tripwatt.server.http.journeys import JourneyJobs
-from tripwatt.server.mcp import CHANGING, LEFT_OUT, TOOLS, make_server
+from tripwatt.server.http.problems import WORDS
+from tripwatt.server.mcp import LEFT_OUT, TOOLS, Assistant
 
 COLD = tw.Departure(soc=0.8, ambient_temperature_degc=-5.0)
 PLACES = ["47.0, 9.0", "47.0, 9.1"]
@@ -39,6 +44,7 @@ READING = {
     "plan",
     "need",
     "range",
+    "reach",
     "advise",
     "advise_journey",
     "forecast",
@@ -47,6 +53,8 @@ READING = {
     "cars",
     "vehicles",
 }
+OF_MAP = {"plan", "reach", "advise_journey"}
+CHANGING = {"new_car"}
 
 
 @pytest.fixture(scope="module")
@@ -75,6 +83,15 @@ def jobs(roads: str, cars: Path) -> Jobs:
     return Jobs.from_folders({}, Limits(), atlas, CarJobs(cars))
 
 
+@pytest.fixture(scope="module")
+def every(jobs: Jobs, fleet: Any, tmp_path_factory: pytest.TempPathFactory) -> Jobs:
+    """Jobs for every tool: with a made atlas and the registry of a fleet."""
+    registry = Registry(tmp_path_factory.mktemp("fleets") / "vans")
+    registry.promote(registry.add(fleet[2]))
+    vans = Jobs.from_folders({"vans": registry.folder}, Limits()).fleets
+    return replace(jobs, journeys=JourneyJobs(MADE), fleets=vans)
+
+
 def asked(server: Any, ask: Callable[[Client], Awaitable[Any]]) -> Any:
     async def run() -> Any:
         async with Client(server) as client:
@@ -84,7 +101,7 @@ def asked(server: Any, ask: Callable[[Client], Awaitable[Any]]) -> Any:
 
 
 def call(jobs: Jobs, name: str, arguments: dict[str, Any], **more: Any) -> Any:
-    return asked(make_server(jobs, **more), lambda client: client.call_tool(name, arguments))
+    return asked(Assistant(jobs, **more), lambda client: client.call_tool(name, arguments))
 
 
 def keys(document: Any) -> set[str]:
@@ -93,18 +110,18 @@ def keys(document: Any) -> set[str]:
     return {name for inner in document for name in keys(inner)} if isinstance(document, list) else set()
 
 
-def test_tools_are_typed_and_change_nothing_unless_it_is_allowed(jobs: Jobs) -> None:
+def test_tools_are_typed_and_change_nothing_unless_it_is_allowed(every: Jobs) -> None:
     def tools(**more: Any) -> dict[str, Any]:
-        listed = asked(make_server(jobs, **more), lambda client: client.list_tools()).tools
+        listed = asked(Assistant(every, **more), lambda client: client.list_tools()).tools
         return {tool.name: tool for tool in listed}
 
     reading = tools()
-    assert set(reading) == READING
+    assert set(reading) == READING | {"fleet"}
     assert all(tool.annotations.read_only_hint for tool in reading.values())
     assert not any(tool.annotations.open_world_hint for tool in reading.values())
     assert all(tool.annotations.open_world_hint for tool in tools(remote=True).values())
     writing = tools(changes=True)
-    assert {name for name, tool in writing.items() if not tool.annotations.read_only_hint} == {"new_car"}
+    assert {name for name, tool in writing.items() if not tool.annotations.read_only_hint} == CHANGING
     for tool in writing.values():
         schema = tool.input_schema
         Draft202012Validator.check_schema(schema)
@@ -116,6 +133,11 @@ def test_tools_are_typed_and_change_nothing_unless_it_is_allowed(jobs: Jobs) -> 
     assert sum(len(json.dumps(tool.input_schema)) for tool in writing.values()) < 40_000
     soc = reading["range"].input_schema["properties"]["soc"]
     assert (soc["minimum"], soc["maximum"]) == (0.0, 1.0)
+    parts = [(name, tool) for tool in writing.values() for name in tool.input_schema.get("$defs", ())]
+    for part in {name for name, _ in parts}:  # in full once, where the other tools say
+        (full,) = [t for name, t in parts if name == part and "properties" in t.input_schema["$defs"][part]]
+        others = [t.input_schema["$defs"][part] for name, t in parts if name == part and t is not full]
+        assert all(other["description"] == f"as in the tool `{full.name}`" for other in others)
 
 
 def references(schema: Any) -> Iterator[str]:
@@ -140,28 +162,36 @@ ARGUMENTS: dict[str, dict[str, Any]] = {
     "cars": {},
     "vehicles": {"search": "id.3"},
     "new_car": {"name": "zoe", "car": "nissan_leaf_40"},
+    "reach": {"start": "47.0, 9.0", "soc": 0.3, "ambient_temperature_degc": 10.0},
+    "fleet": {
+        "trips": [
+            {"car": "V00000", "departs_at": f"2030-01-12T0{k}:30:00+01:00", "distance_km": 20.0 * k}
+            for k in (7, 8)
+        ]
+    },
 }
 
 
-def test_tools_without_a_map_or_cars_are_not_offered(jobs: Jobs) -> None:
+def test_tools_without_a_map_cars_or_a_fleet_are_not_offered(jobs: Jobs, every: Jobs) -> None:
     def offered(some: Jobs) -> set[str]:
-        listed = asked(make_server(some, changes=True), lambda client: client.list_tools()).tools
+        listed = asked(Assistant(some, changes=True), lambda client: client.list_tools()).tools
         return {tool.name for tool in listed}
 
     bare = replace(jobs, journeys=JourneyJobs(), cars=CarJobs())
-    assert offered(jobs) == set(TOOLS)
+    assert offered(every) == set(TOOLS) == offered(jobs) | {"fleet"}
     assert offered(bare) == {"need", "range", "advise", "forecast", "vehicles"}
-    assert offered(replace(jobs, cars=CarJobs())) == offered(bare) | {"plan", "advise_journey"}
+    assert offered(replace(jobs, cars=CarJobs())) == offered(bare) | OF_MAP
     refused = call(bare, "plan", ARGUMENTS["plan"])
     assert refused.is_error
     assert "unknown tool" in refused.content[0].text
-    assert "--map MAP" in make_server(bare).instructions
+    assert "--map MAP" in Assistant(bare).instructions
 
 
 @pytest.mark.parametrize("name", TOOLS)
-def test_every_tool_answers_in_short(jobs: Jobs, cars: Path, name: str) -> None:
+def test_every_tool_answers_in_short(jobs: Jobs, every: Jobs, cars: Path, name: str) -> None:
     before = sorted(cars.rglob("*"))
-    found = call(jobs, name, ARGUMENTS[name], changes=name in CHANGING)
+    served = every if name in ("reach", "fleet") else jobs
+    found = call(served, name, ARGUMENTS[name], changes=name in CHANGING)
     assert not found.is_error, found.content
     assert found.structured_content
     assert not keys(found.structured_content) & set(LEFT_OUT)
@@ -184,6 +214,65 @@ def test_answers_are_those_of_python(jobs: Jobs, roads: str) -> None:
     journey = tw.plan_journey(PLACES, COLD, atlas=open_atlas(AtlasSettings(roads)))
     planned = call(jobs, "plan", ARGUMENTS["plan"]).structured_content
     assert planned["p_arrive"] == pytest.approx(journey.verdict.p_reserve, rel=1e-3)
+
+
+def test_the_reach_and_the_needs_of_a_fleet_are_those_of_the_service(every: Jobs) -> None:
+    reach = call(every, "reach", ARGUMENTS["reach"]).structured_content
+    assert reach["areas"] == every.run("reach", json.dumps(ARGUMENTS["reach"]).encode())["areas"]  # type: ignore[index]
+    first, later = call(every, "fleet", ARGUMENTS["fleet"]).structured_content["needs"]
+    night: Any = every.run("night", json.dumps(ARGUMENTS["fleet"]).encode())
+    assert later["energy_wh"] == pytest.approx(night["needs"][1]["energy_wh"], rel=1e-3)
+    assert 0.0 < first["energy_wh"] < later["energy_wh"] < later["energy_quantile_wh"]
+
+
+def test_the_cars_and_their_diaries_are_resources(jobs: Jobs) -> None:
+    async def ask(client: Client) -> Any:
+        listed = [one.uri for one in (await client.list_resources()).resources]
+        listed += [one.uri_template for one in (await client.list_resource_templates()).resource_templates]
+        read = [await client.read_resource(uri) for uri in ("tripwatt://cars", "tripwatt://cars/leaf/diary")]
+        return listed, [json.loads(one.contents[0].text) for one in read]
+
+    listed, (listing, diary) = asked(Assistant(jobs), ask)
+    assert listed == ["tripwatt://cars", "tripwatt://cars/{car}/diary"]
+    assert listing == call(jobs, "cars", {}).structured_content
+    assert diary == call(jobs, "diary", {"car": "leaf"}).structured_content
+    assert asked(Assistant(replace(jobs, cars=CarJobs())), ask_for_resources) == []
+    for uri, words in (("tripwatt://cars/nobody/diary", "The car does not exist"), ("tripwatt://map", "map")):
+        error = asked(Assistant(jobs), partial(refusal, lambda client, uri=uri: client.read_resource(uri)))
+        assert (error.code, words in error.message) == (INVALID_PARAMS, True)
+
+
+async def ask_for_resources(client: Client) -> Any:
+    return (await client.list_resources()).resources
+
+
+async def refusal(ask: Callable[[Client], Awaitable[Any]], client: Client) -> MCPError:
+    with pytest.raises(MCPError) as caught:
+        await ask(client)
+    return caught.value
+
+
+def test_prompts_name_only_tools_that_exist_and_what_is_given(jobs: Jobs) -> None:
+    async def ask(client: Client) -> Any:
+        prompts = (await client.list_prompts()).prompts
+        for prompt in prompts:
+            assert prompt.title
+            assert prompt.description
+        full = [{one.name: f"<{one.name}>{{x}}" for one in prompt.arguments} for prompt in prompts]
+        given = [
+            (prompt.name, some) for prompt, all_ in zip(prompts, full, strict=True) for some in (all_, {})
+        ]
+        return prompts, [(await client.get_prompt(*one)).messages for one in given]
+
+    prompts, messages = asked(Assistant(jobs), ask)
+    assert [prompt.name for prompt in prompts] == ["can_i_make_it", "plan_with_charging", "how_is_my_car"]
+    for prompt, (message,), (bare,) in zip(prompts, messages[::2], messages[1::2], strict=True):
+        assert message.role == "user"
+        assert all(f"<{one.name}>{{x}}" in message.content.text for one in prompt.arguments)
+        assert bare.content.text.count("not given") == len(prompt.arguments)
+        named = set(re.findall(r"`(\w+)`", bare.content.text)) - {"departs_at"}
+        assert named
+        assert named <= set(TOOLS)
 
 
 def test_the_newest_trips_of_a_diary_come_first(jobs: Jobs) -> None:
@@ -219,6 +308,14 @@ def test_a_diary_is_read_in_parts(jobs: Jobs) -> None:
         ("cars", {"folder": "/"}, ("folder",)),
         ("forecast", {"links": [], "car": "../car.toml"}, ("links", "../car.toml")),
         ("new_car", {"name": "zoe"}, ("unknown tool", "'new_car'")),
+        ("need", {"soc": 1.8}, ("soc", "distance_km, trip: got neither")),
+        ("diary", {"car": "nobody", "trips": 0}, ("trips", "The car does not exist")),
+        (
+            "plan",
+            {"stops": ["47.0, 9.0", "x"], "soc": 2, "car": "leaf", "driver": "D"},
+            ("soc", "driver", "larger region"),
+        ),
+        ("forecast", {"route": {"a": 1}, "soc": 3, "model": "x"}, ("route", "soc", "unknown model")),
     ],
 )
 def test_all_faults_come_back_in_words(jobs: Jobs, name: str, arguments: dict[str, Any], words: Any) -> None:
@@ -227,6 +324,27 @@ def test_all_faults_come_back_in_words(jobs: Jobs, name: str, arguments: dict[st
     assert found.structured_content is None
     for word in words:
         assert word in found.content[0].text
+
+
+def test_each_fault_comes_once_and_a_field_that_is_wrong_is_not_missing_as_well(jobs: Jobs) -> None:
+    links = {"links": [{"length_m": -3.0, "speed_m_s": 10.0}], "soc": 1.8}
+    for name, arguments, count in (
+        ("need", {"distance_km": 9e9, "soc": 1.8}, 2),
+        ("plan", {"stops": ["one"], "soc": 2}, 2),
+        ("plan", {"soc": 2}, 2),
+        ("forecast", links, 2),
+        ("forecast", {"route": {"a": 1}}, 1),
+    ):
+        lines = call(jobs, name, arguments).content[0].text.splitlines()
+        assert len(lines) == len(set(lines)) == count, lines
+
+
+def test_a_name_that_is_taken_is_a_fault_and_makes_no_car(jobs: Jobs, cars: Path) -> None:
+    before = sorted(cars.rglob("*"))
+    found = call(jobs, "new_car", {"name": "leaf", "car": "nissan_leaf_40"}, changes=True)
+    assert "name: got 'leaf'" in found.content[0].text
+    assert call(jobs, "new_car", {"name": "zoe2", "car": "nissan_leaf_40", "x": 1}, changes=True).is_error
+    assert sorted(cars.rglob("*")) == before
 
 
 def test_a_number_that_is_none_is_not_taken_as_unknown() -> None:
@@ -274,9 +392,13 @@ def test_the_command_serves_an_assistant(roads: str, cars: Path) -> None:
         tools = (await client.list_tools()).tools
         need = await client.call_tool("need", ARGUMENTS["need"])
         plan = await client.call_tool("plan", ARGUMENTS["plan"])
-        return client.server_info, tools, need, plan
+        prompt = await client.get_prompt("how_is_my_car", {"car": "leaf"})
+        diary = await client.read_resource("tripwatt://cars/leaf/diary")
+        return client.server_info, tools, need, plan, prompt, diary
 
-    info, tools, need, plan = asked(server, talk)
+    info, tools, need, plan, prompt, diary = asked(server, talk)
+    assert "my car leaf" in prompt.messages[0].content.text
+    assert len(json.loads(diary.contents[0].text)["diary"]) == 3
     assert (info.name, info.version) == ("tripwatt", tw.__version__)
     assert {tool.name for tool in tools} == READING
     assert all(tool.annotations.open_world_hint for tool in tools)  # the roads are those of a server
@@ -288,6 +410,8 @@ def test_the_command_serves_an_assistant(roads: str, cars: Path) -> None:
 def test_the_page_for_assistants_works_and_lists_every_tool() -> None:
     page = (ROOT / "docs" / "howto" / "assistants.md").read_text("utf-8")
     assert set(re.findall(r"^\| `(\w+)` \|", page, re.MULTILINE)) == set(TOOLS)
+    for word in (*WORDS["prompts"], "tripwatt://cars", "tripwatt://cars/{car}/diary"):
+        assert f"`{word}`" in page
     (shown,) = re.findall(r"```python\n(.*?)```", page, re.DOTALL)
     here = '(command=sys.executable, env={**os.environ}, args=["-m", "tripwatt", "mcp"])'
     names: dict[str, Any] = {"sys": sys, "os": os}

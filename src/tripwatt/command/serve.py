@@ -215,7 +215,7 @@ def mcp(
     needed = dict.fromkeys(("service", "mcp"), "tripwatt mcp") | ({"fleet": "--cars"} if cars else {})
     require_extras(needed)
     from tripwatt.server.http import car_jobs, jobs, journeys, settings
-    from tripwatt.server.mcp import make_server, serve
+    from tripwatt.server.mcp import Assistant
 
     atlas = on_map.settings()
     with Check() as check:
@@ -224,7 +224,7 @@ def mcp(
         planned = check(journeys.JourneyJobs.from_settings, atlas)
     service = jobs.Jobs.from_folders(folders, settings.Limits(), planned, car_jobs.CarJobs(cars))
     remote = any("://" in named for named in asdict(atlas).values())
-    serve(make_server(service, changes=changes, remote=remote))
+    Assistant(service, changes=changes, remote=remote).run()
 
 
 def demo(

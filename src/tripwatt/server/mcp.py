@@ -1,34 +1,42 @@
-"""Tools for assistants over the Model Context Protocol: jobs of the service with its schemas, without HTTP."""
+"""Tools, resources and prompts for assistants over the Model Context Protocol: jobs of the service with its schemas, without HTTP."""
 
 from __future__ import annotations
 
 import json
+import re
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from functools import partial
 from typing import Any, Final
 
 import anyio
-import mcp_types as types
 import orjson
-from mcp.server.lowlevel import Server
-from mcp.server.stdio import stdio_server
+from mcp.server.mcpserver import MCPServer
+from mcp.server.mcpserver.exceptions import ResourceNotFoundError, ToolError
+from mcp.server.mcpserver.prompts import Prompt
+from mcp_types import CallToolResult, TextContent, Tool, ToolAnnotations
 from pydantic import BaseModel, Field
 
-import tripwatt
+from tripwatt import __version__
 from tripwatt.errors import Fault, InvalidInput
-from tripwatt.server.http import car_schemas, schemas
-from tripwatt.server.http import journey_schemas as journey
+from tripwatt.server.http import car_schemas, fleets, journey_schemas, schemas
 from tripwatt.server.http.jobs import Jobs
-from tripwatt.server.http.openapi import without_null
-from tripwatt.server.http.problems import TITLES, WORDS, Problem
-from tripwatt.server.http.schemas import StrictModel, check_request, parse_json
+from tripwatt.server.http.openapi import JSON, without_null
+from tripwatt.server.http.problems import TITLES, WORDS, Problem, problem_of
+from tripwatt.server.http.schemas import StrictModel
 
-LEFT_OUT: Final = ("series", "samples", "line", "course", "links", "learning")
-"""Fields of answers that an assistant does not get: thousands of numbers for figures and maps, and the state of a job."""
+LEFT_OUT: Final = ("series", "samples", "line", "course", "links", "learning", "emhass", "evcc")
+"""Fields of answers that an assistant does not get: thousands of numbers for figures and maps, the state of a job, and what other programs read."""
+
+EXACT: Final = ("latitude_deg", "longitude_deg", "coordinates")
+"""Fields of answers that are not rounded: four digits of a degree are a kilometre or more."""
+
+NOT_ASKED: Final = ("x-", "samples", "elevation", "Elevation", "covariates", "title")
+"""Beginnings of the names of what the schema of a request leaves out: parts of a form, names for people, and what has thousands of numbers."""
 
 
-NOT_ASKED: Final = ("x-", "samples", "elevation", "Elevation", "covariates")
-"""Beginnings of the names of what the schema of a request leaves out: parts of a form, and what has thousands of numbers."""
+WORD: Final = re.compile(r"[a-z]\w*")
+"""Pattern of what may be the name of a field in the text of a fault."""
 
 
 class LiveRequest(StrictModel):
@@ -52,34 +60,30 @@ class VehiclesRequest(StrictModel):
     """words of maker, model and year; default: all cars"""
 
 
-Tool = tuple[Callable[[Jobs, Any], Mapping[str, Any]], type[BaseModel]]
-"""A tool: the function that it runs, and the schema of its request."""
-
-TOOLS: Final[Mapping[str, Tool]] = {
-    "plan": (Jobs.plan, journey.PlanRequest),
-    "need": (Jobs.distance, journey.NeedQuery),
-    "range": (Jobs.range, journey.RangeQuery),
-    "advise": (Jobs.advice, schemas.AdviceRequest),
-    "advise_journey": (Jobs.journey_advice, journey.JourneyAdviceRequest),
-    "forecast": (Jobs.forecast, schemas.ForecastRequest),
-    "live": (lambda jobs, asked: jobs.cars.car(asked.car).document(time.time()), LiveRequest),
-    "diary": (lambda jobs, asked: jobs.cars.show(asked.car, asked.trips), DiaryRequest),
-    "cars": (lambda jobs, _: jobs.cars.list(), StrictModel),
-    "vehicles": (lambda jobs, asked: jobs.vehicles(asked.search), VehiclesRequest),
-    "new_car": (Jobs.new_car, car_schemas.NewCarRequest),
+TOOLS: Final[Mapping[str, tuple[Callable[[Jobs, Any], Mapping[str, Any]], type[BaseModel], str]]] = {
+    "need": (Jobs.distance, journey_schemas.NeedQuery, ""),
+    "range": (Jobs.range, journey_schemas.RangeQuery, ""),
+    "plan": (Jobs.plan, journey_schemas.PlanRequest, "map"),
+    "reach": (Jobs.reach, journey_schemas.ReachRequest, "map"),
+    "advise": (Jobs.advice, schemas.AdviceRequest, ""),
+    "advise_journey": (Jobs.journey_advice, journey_schemas.JourneyAdviceRequest, "map"),
+    "forecast": (Jobs.forecast, schemas.ForecastRequest, ""),
+    "fleet": (Jobs.night, fleets.NightRequest, "fleet"),
+    "live": (lambda jobs, asked: jobs.cars.car(asked.car).document(time.time()), LiveRequest, "cars"),
+    "diary": (lambda jobs, asked: jobs.cars.show(asked.car, asked.trips), DiaryRequest, "cars"),
+    "cars": (lambda jobs, _: jobs.cars.list(), StrictModel, "cars"),
+    "vehicles": (lambda jobs, asked: jobs.vehicles(asked.search), VehiclesRequest, ""),
+    "new_car": (Jobs.new_car, car_schemas.NewCarRequest, "cars changes"),
 }
-"""Tools by name."""
-
-CHANGING: Final = ("new_car",)
-"""Tools that change something."""
-
-OF_MAP: Final = ("plan", "advise_journey")
-OF_CARS: Final = ("live", "diary", "cars", "new_car")
-"""Tools that need a map, and tools that need a folder of cars; without these they are not offered."""
+"""Tools by name: the function that each runs, the schema of its request, and what it needs to be offered."""
 
 
-def make_server(jobs: Jobs, *, changes: bool = False, remote: bool = False) -> Server[Any]:
-    """Make the server of the tools.
+class Refused(InvalidInput, ToolError, ResourceNotFoundError):
+    """The faults of a call, in the form in which the library of the protocol returns them to the assistant."""
+
+
+class Assistant(MCPServer[Any]):
+    """The server of an assistant: tools, cars and their diaries as resources, and prompts.
 
     Parameters
     ----------
@@ -90,95 +94,106 @@ def make_server(jobs: Jobs, *, changes: bool = False, remote: bool = False) -> S
     remote : bool
         Whether tools ask other servers: for roads, places or the weather.
 
-    Returns
-    -------
-    mcp.server.lowlevel.Server
-        Server that runs one tool at a time.
-
     Examples
     --------
     >>> from tripwatt.server.http.settings import Limits
-    >>> make_server(Jobs.from_folders({}, Limits())).name
+    >>> Assistant(Jobs.from_folders({}, Limits())).name
     'tripwatt'
     """
-    absent = OF_MAP * (jobs.journeys.atlas is None) + OF_CARS * (jobs.cars.folder is None)
-    offered = [name for name in TOOLS if name not in absent and (changes or name not in CHANGING)]
-    listed = types.ListToolsResult(tools=[_describe_tool(name, remote) for name in offered])
-    one_thread = anyio.CapacityLimiter(1)  # models are kept in caches that one thread may use at a time
 
-    def run(name: str, arguments: bytes) -> Mapping[str, Any]:
-        work, takes = TOOLS[name]
-        return work(jobs, check_request(parse_json(arguments), takes, jobs))
+    def __init__(self, jobs: Jobs, *, changes: bool = False, remote: bool = False) -> None:
+        super().__init__(
+            "tripwatt", version=__version__, instructions=WORDS["instructions"], log_level="WARNING"
+        )
+        has = {"map": jobs.journeys.atlas, "cars": jobs.cars.folder, "fleet": jobs.fleets, "changes": changes}
+        offered = [name for name, (_, _, needs) in TOOLS.items() if all(has[n] for n in needs.split())]
+        self._tools = {tool.name: tool for tool in _describe_tools(offered, remote)}
+        # models are kept in caches that one thread may use at a time
+        self._jobs, self._one_thread = jobs, anyio.CapacityLimiter(1)
+        if "cars" in offered:
+            self.resource("tripwatt://cars", mime_type=JSON)(self.cars)
+            self.resource("tripwatt://cars/{car}/diary", mime_type=JSON)(self.diary)
+        for name, words in WORDS["prompts"].items():
+            make = partial(words["text"].format, **{row["name"]: "not given" for row in words["arguments"]})
+            self.add_prompt(Prompt(name=name, fn=make, context_kwarg=None, **words))
 
-    async def list_tools(context: Any, parameters: Any) -> types.ListToolsResult:
-        return listed
+    async def list_tools(self) -> list[Tool]:
+        """Return the descriptions of the tools."""
+        return [*self._tools.values()]
 
-    async def call_tool(context: Any, parameters: Any) -> types.CallToolResult:
+    async def call_tool(self, name: str, arguments: dict[str, Any], context: Any = None) -> CallToolResult:
+        """Run a tool.
+
+        Raises
+        ------
+        Refused
+            With all faults of the call.
+        """
+        if name not in self._tools:
+            raise Refused(Fault.unknown("unknown tool", "name", name, self._tools))
+        text = await self._answer(name, arguments)
+        return CallToolResult(content=[TextContent(text=text)], structured_content=orjson.loads(text))
+
+    async def cars(self) -> str:
+        """Return the cars that learn from their trips."""
+        return await self._answer("cars", {})
+
+    async def diary(self, car: str) -> str:
+        """Return what a car learned from its trips, how good its forecasts were, and its last trips."""
+        return await self._answer("diary", {"car": car, "trips": 50})
+
+    async def _answer(self, name: str, given: Mapping[str, Any]) -> str:
+        """Return the answer of a tool as JSON text."""
+        document = await anyio.to_thread.run_sync(_run, self._jobs, name, given, limiter=self._one_thread)
+        return orjson.dumps(_shortened(document)).decode()
+
+
+def _run(jobs: Jobs, name: str, given: Mapping[str, Any]) -> Mapping[str, Any]:
+    """Run a tool. The faults are also those that it has without the wrong fields, unless it changes something."""
+    work, takes, needs = TOOLS[name]
+    try:
+        # with NaN and Infinity by these names, which are no JSON; orjson would write null, which is unknown
+        return work(jobs, schemas.check_request(schemas.parse_json(json.dumps(given).encode()), takes, jobs))
+    except (InvalidInput, Problem) as error:
+        problem = problem_of(error)
+    faults = problem.faults or (Fault(TITLES[problem.kind][1], problem.detail),)
+    named = {*WORD.findall(" ".join(fault.where for fault in faults))}
+    sound = {field: value for field, value in given.items() if field not in named}
+    if sound != given and "changes" not in needs:
         try:
-            if parameters.name not in offered:
-                raise InvalidInput(Fault.unknown("unknown tool", "name", parameters.name, offered))
-            # with NaN and Infinity by these names, which are no JSON; orjson would write null, which is unknown
-            arguments = json.dumps(parameters.arguments or {}).encode()
-            document = await anyio.to_thread.run_sync(run, parameters.name, arguments, limiter=one_thread)
+            _run(jobs, name, sound)
         except InvalidInput as error:
-            return _tool_result(f"{error}", is_error=True)
-        except Problem as error:
-            return _tool_result(f"{TITLES[error.kind][1]} {error.detail}".strip(), is_error=True)
-        text = orjson.dumps(_without_long_fields(document))
-        return _tool_result(text.decode(), structured_content=orjson.loads(text))
-
-    description: dict[str, Any] = {
-        "version": tripwatt.__version__,
-        "instructions": WORDS["assistants"]["instructions"],
-    }
-    return Server("tripwatt", **description, on_list_tools=list_tools, on_call_tool=call_tool)
+            faults += tuple(
+                f for f in error.faults if named.isdisjoint(WORD.findall(f"{f.where} {f.allowed}"))
+            )
+    raise Refused(faults)
 
 
-def serve(server: Server[Any]) -> None:
-    """Serve an assistant over standard input and output until the input ends.
-
-    Examples
-    --------
-    >>> serve(server)  # doctest: +SKIP
-    """
-
-    async def run() -> None:
-        async with stdio_server() as (reads, writes):
-            await server.run(reads, writes, server.create_initialization_options())
-
-    anyio.run(run)
-
-
-def _describe_tool(name: str, remote: bool) -> types.Tool:
-    """Return the description of a tool for an assistant, with its schema."""
-    hints = types.ToolAnnotations(
-        read_only_hint=name not in CHANGING, destructive_hint=False, open_world_hint=remote
-    )
-    title, description = WORDS["tools"][name]
-    schema = _without_form(TOOLS[name][1].model_json_schema())
-    return types.Tool(name=name, title=title, description=description, input_schema=schema, annotations=hints)
+def _describe_tools(names: Sequence[str], remote: bool) -> Iterator[Tool]:
+    """Yield tools with their descriptions and schemas; the first tool that has a part of a schema has it in full."""
+    first: dict[str, str] = {}
+    for name in names:
+        _, takes, needs = TOOLS[name]
+        title, text = WORDS["tools"][name]
+        reads: dict[str, Any] = {"read_only_hint": "changes" not in needs, "destructive_hint": False}
+        hints = ToolAnnotations(**reads, open_world_hint=remote)
+        schema = json.loads(json.dumps(takes.model_json_schema()), object_pairs_hook=_without_form)
+        for part in schema.get("$defs", ()):
+            if first.setdefault(part, name) != name:
+                schema["$defs"][part] = {"description": f"as in the tool `{first[part]}`"}
+        yield Tool(name=name, title=title, description=text, input_schema=schema, annotations=hints)
 
 
-def _without_form(value: Any) -> Any:
-    """Return a schema without titles, without null, and without what only a form needs."""
-    if isinstance(value, list):
-        return [_without_form(inner) for inner in value]
-    if not isinstance(value, Mapping):
-        return value
-    parts = [
-        (n, v) for n, v in without_null(dict(value)).items() if not n.startswith(NOT_ASKED) and v is not None
-    ]
-    return {n: _without_form(v) for n, v in parts if n != "title" or isinstance(v, Mapping)}
+def _without_form(pairs: Sequence[tuple[str, Any]]) -> dict[str, Any]:
+    """Return an object of a schema without null, and without what only a form needs."""
+    parts = without_null(dict(pairs)).items()
+    return {name: v for name, v in parts if v is not None and not name.startswith(NOT_ASKED)}
 
 
-def _without_long_fields(value: Any) -> Any:
+def _shortened(value: Any, name: str = "") -> Any:
     """Return a document without the fields of `LEFT_OUT`, with four digits of its numbers."""
     if isinstance(value, Mapping):
-        return {name: _without_long_fields(inner) for name, inner in value.items() if name not in LEFT_OUT}
+        return {name: _shortened(inner, name) for name, inner in value.items() if name not in LEFT_OUT}
     if isinstance(value, list):
-        return [_without_long_fields(inner) for inner in value]
-    return float(f"{value:.4g}") if isinstance(value, float) else value
-
-
-def _tool_result(text: str, **more: Any) -> types.CallToolResult:
-    return types.CallToolResult(content=[types.TextContent(text=text)], **more)
+        return [_shortened(inner, name) for inner in value]
+    return float(f"{value:.4g}") if isinstance(value, float) and name not in EXACT else value

@@ -412,7 +412,7 @@ def test_every_door_has_the_same_defaults() -> None:
         assert known["reserve"].default == 0.1, function
         assert "probability" not in known or known["probability"].default == 0.95, function
         assert not NOT_NOUNS & known.keys()
-    for _, takes in TOOLS.values():
+    for _, takes, _ in TOOLS.values():
         fields = takes.model_fields
         assert not NOT_NOUNS & fields.keys()
         assert "reserve" not in fields or fields["reserve"].default == 0.1
