@@ -15,6 +15,8 @@ MILD = tw.Departure(soc=0.8, ambient_temperature_degc=12.0)
 NEAR = Station(47.0, 9.01, "Near", 5e4, direct_current=True)
 CLOSE = Place(47.0, 9.5, "Close")
 ROW = replace(MADE, stations=row(14))
+# beside the road there is no detour, so the time of a leg is estimated as it is routed, and the search is exact
+BESIDE = [replace(station, latitude_deg=47.0) for station in ROW.stations]
 
 
 def names(found):
@@ -76,8 +78,8 @@ def test_a_preferred_network_is_used_where_it_costs_little_time(model, own):
     """A station of no known network is found by its name; the name of another one is not that of its network."""
 
     mixed = [
-        replace(station, **own) if k % 2 else replace(station, networks=("Betreiber",))
-        for k, station in enumerate(ROW.stations)
+        replace(station, networks=("Betreiber",)) if k % 2 else replace(station, **own)
+        for k, station in enumerate(BESIDE)
     ]
 
     def plan(stations, *networks):
@@ -88,11 +90,36 @@ def test_a_preferred_network_is_used_where_it_costs_little_time(model, own):
     def others(of):
         return sum(not is_own(stop.station) for stop in of.stops)
 
+    def cost_s(of):
+        """A stop less is worth five minutes."""
+        return of.duration_s + 300.0 * len(of.stops)
+
     def is_own(station):
         return all(getattr(station, name) == value for name, value in own.items())
 
     free, found = plan(mixed), plan(mixed, "netz")
     assert others(found) < others(free)
-    assert 0.0 <= found.duration_s - free.duration_s <= 900.0 * (others(free) - others(found))
+    assert 0.0 <= cost_s(found) - cost_s(free) <= 900.0 * (others(free) - others(found))
     slow = [replace(one, power_w=3000.0) if is_own(one) else one for one in mixed]
     assert others(plan(slow, "netz")) == len(plan(slow, "netz").stops)
+
+
+@pytest.mark.parametrize("networks", [(), ("Netz",)])
+@pytest.mark.parametrize("soc", [0.6, 0.7, 0.8, 0.9])
+def test_the_first_plan_has_the_fewest_stops_of_those_about_as_fast_with_as_few_of_other_networks(
+    model, soc, networks
+):
+    mixed = tuple(
+        replace(station, networks=("Netz" if k % 3 else "Betreiber",)) for k, station in enumerate(BESIDE)
+    )
+    first, *more = journey(
+        model, replace(MILD, soc=soc), (A, FAR), replace(ROW, stations=mixed), networks=networks
+    ).charging_plans
+
+    def others(plan):
+        return sum(bool(networks) and stop.station.networks != networks for stop in plan.stops)
+
+    for plan in more:
+        if others(plan) <= others(first):
+            fewer = len(first.stops) - len(plan.stops)
+            assert plan.duration_s > first.duration_s + 300.0 * fewer or fewer < 0

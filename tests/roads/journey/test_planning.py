@@ -128,14 +128,14 @@ def test_a_pause_at_the_destination_counts_in_time_energy_and_flags(model):
     assert paused.soc_needed > at_once.soc_needed
     assert (paused.flags, at_once.flags[0].code) == ((), "no_pause")
     assert ("pause", 8.0 * HOUR_S) in [(flag.code, flag.value) for flag in paused.forecast.flags]
-    one_way = journey(model, stops=(A, TURN), answers=False, pause_s=HOUR_S)
-    assert one_way.forecast.plan.pauses == ()
 
 
 def test_a_pause_of_more_than_a_week_or_below_zero_is_a_fault():
     for pause_s in (-1.0, 604_801.0):
         with pytest.raises(InvalidInput, match="pause_s"):
-            JourneyOptions(pause_s=pause_s)
+            JourneyOptions(pause_s=pause_s, round_trip=True)
+    with pytest.raises(InvalidInput, match="pause without a way back: pause_s: got 3600 s; add --round-trip"):
+        JourneyOptions(pause_s=HOUR_S)
 
 
 def test_a_pause_at_a_turn_of_unknown_position_is_half_of_the_way():
@@ -156,6 +156,21 @@ def test_a_plan_with_stops_has_the_pause_once(model):
     for stop in paused.charging.stops:
         turned = stop.position_m > 0.5 * paused.charging.distance_m
         assert (stop.arrives_after_s > 8.0 * HOUR_S) == turned
+
+
+@pytest.mark.parametrize("beside_deg", [-0.01, -0.001, 0.0, 0.001])
+def test_a_pause_is_kept_where_the_car_charges_at_the_turn(model, beside_deg):
+    station = Station(47.001, 9.5 + beside_deg, "Am Ziel", 5e4, direct_current=True)
+    plan = journey(
+        model,
+        tw.Departure(soc=0.9, ambient_temperature_degc=0.0),
+        (A, Place(47.0, 9.5)),
+        replace(MADE, stations=(station,)),
+        round_trip=True,
+        pause_s=8.0 * HOUR_S,
+    ).charging
+    assert len(plan.stops) == 1
+    assert [pause.duration_s for leg in plan.legs for pause in leg.road.links.pauses] == [8.0 * HOUR_S]
 
 
 def test_another_car_takes_another_energy_and_is_flagged(model):

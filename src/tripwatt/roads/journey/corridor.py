@@ -23,7 +23,7 @@ from tripwatt.roads.journey.atlas import Atlas
 from tripwatt.roads.journey.charging import WARM_DEGC, ChargingCurve
 from tripwatt.roads.journey.forecasting import RoadForecaster
 from tripwatt.roads.journey.solver import LEVELS, StopPlan, StopProblem, least_time
-from tripwatt.roads.journey.stops import START_M, Leg, variance_along
+from tripwatt.roads.journey.stops import SAME_TIME_S, START_M, Leg, variance_along
 from tripwatt.roads.maps import Station, near
 from tripwatt.roads.routers import Road
 from tripwatt.routes.places import Place
@@ -47,10 +47,11 @@ _TOLERANCE: Final = 0.001
 _TOLERANCES: Final = {"cheapest": 0.01}
 """A plan of routed legs is accepted if it costs at most the share `_TOLERANCE` more than the optimum with estimates; `_TOLERANCES` has the share of
 some labels."""
-_STOP_COST_S: Final = 2e4
+_STOP_COSTS_S: Final = {"fastest": SAME_TIME_S, "fewest stops": 2e4}
 _ENERGY_COST_S: Final = 1e6
 _MISSING_CHARGE_COST_S: Final = 1e8
-"""Costs [s] of a stop, of the energy of a full display, and of a full display missing at the start; time counts little beside them. Choices."""
+"""Costs [s] of a stop by the label of a plan, of the energy of a full display, and of a full display missing at the start; time counts little
+beside all but the first. Choices."""
 _NUDGE_DEG: Final = 3e-5
 """Latitude by which one of two equal places is moved for a router [°], 3 m."""
 LEG_FIELDS: Final = ("soc", "bms_soc", "follows_trip", "battery_temperature_degc", "departs_at")
@@ -96,10 +97,11 @@ class StopRules:
     avoid: tuple[Place, ...] = ()
     networks: tuple[str, ...] = ()
 
-    def prefers(self, station: Station) -> bool:
-        """Return whether a station is of a preferred network; True if there is no preference."""
+    def other_network_s(self, station: Station) -> float:
+        """Return the additional time that is taken for a station of a preferred network instead [s]; 0 if there is no preference."""
         known = [network.casefold() for network in station.networks or (station.name,)]
-        return not self.networks or any(k.startswith(n.casefold()) for k in known for n in self.networks)
+        is_preferred = any(k.startswith(n.casefold()) for k in known for n in self.networks)
+        return _OTHER_NETWORK_S * (bool(self.networks) and not is_preferred)
 
 
 @dataclass(frozen=True, eq=False)
@@ -192,8 +194,7 @@ class Corridor:
 
     def _with_choice(self, problem: StopProblem) -> StopProblem:
         """Return the problem without legs past a chosen station, and with the cost of stations of other networks in the time."""
-        is_other = [False, *(not self.rules.prefers(station) for station in self.stations), False]
-        time = problem.time_s + _OTHER_NETWORK_S * np.array(is_other)
+        time = problem.time_s + np.array([0.0, *map(self.rules.other_network_s, self.stations), 0.0])
         for first, last in self._chosen_nodes:
             time[:first, last + 1 :] = np.inf
         return replace(problem, time_s=time)
@@ -372,7 +373,9 @@ class Corridor:
     def _route_leg(self, i: int, j: int, level: float, elapsed_s: float) -> Leg | None:
         """Route and forecast a leg; all but the first begin with `level`, `elapsed_s` after departure. None if there is no road."""
         low, high = self._position_m[[i, j]]
-        via = [p for p, at in zip(self.via, self.road.stop_position_m, strict=False) if low < at < high]
+        places = zip(self.via, self.road.stop_position_m, strict=False)
+        # a place beside a station is driven to after charging; a place that is the station is not
+        via = [p for p, at in places if low < at < high or (at == low and p.kind != STATION_KIND)]
         start, end = self._place(i), self._place(j)
         if start.distance_m(end) < 2.0:  # a car that stands at the station drives there, too
             end = replace(end, latitude_deg=end.latitude_deg - math.copysign(_NUDGE_DEG, end.latitude_deg))
@@ -383,7 +386,7 @@ class Corridor:
         except InvalidInput:  # no road to this station
             return None
         for pause in self.road.links.pauses:
-            if low < pause.position_m < high and not pause.carried_m:
+            if low <= pause.position_m < high and not pause.carried_m:
                 road = road.with_pause(pause.duration_s)
         forecaster = self.forecaster
         if i:
@@ -422,8 +425,8 @@ def _is_at(place: Place, station: Station) -> bool:
 
 def _problem_for_label(problem: StopProblem, label: str) -> StopProblem:
     """Return the problem with the costs of a label added to the time; best effort may begin the first leg with less than its need."""
-    if label == "fewest stops":
-        return replace(problem, overhead_s=problem.overhead_s + _STOP_COST_S)
+    if label in _STOP_COSTS_S:
+        return replace(problem, overhead_s=problem.overhead_s + _STOP_COSTS_S[label])
     if label == "cheapest":
         return replace(problem, time_s=problem.time_s + _ENERGY_COST_S * np.maximum(problem.taken, 0.0))
     if label == "best effort":

@@ -10,7 +10,7 @@ from typing import Any, Final
 import numpy as np
 import pandas as pd
 
-from tripwatt.errors import Check, InvalidInput
+from tripwatt.errors import Check, Fault, InvalidInput
 from tripwatt.forecasting import Forecast, ForecastModel
 from tripwatt.forecasting.difference import Difference
 from tripwatt.forecasting.leaving import soc_needed
@@ -25,7 +25,7 @@ from tripwatt.roads.journey.forecasting import (
     with_expected_times,
 )
 from tripwatt.roads.journey.plans import BEST_EFFORT, fastest_plan, find_plans
-from tripwatt.roads.journey.stops import ENERGY_BAND, LINE_DIGITS, ChargingPlan, Leg, with_stops
+from tripwatt.roads.journey.stops import ENERGY_BAND, LINE_DIGITS, SAME_TIME_S, ChargingPlan, Leg, with_stops
 from tripwatt.roads.journey.verdict import Advice, Verdict
 from tripwatt.roads.routers import Road
 from tripwatt.routes.link_objects import fields_of_route
@@ -48,9 +48,6 @@ _NEAR_ROAD_M: Final = 200.0
 _MOTORWAY_SPEEDS_KM_H: Final = (130.0, 120.0, 110.0, 100.0, 90.0, 80.0)
 _CHEAPER_KM_H: Final = 100.0
 """The cost of speed is the energy taken by driving faster than this on motorways. A choice."""
-
-_SAME_TIME_S: Final = 300.0
-"""Roads whose times differ by at most this count as equally fast if the car has to charge: a choice, the time of plugging in once."""
 
 _MIN_MOTORWAY_M: Final = 1000.0
 """Journeys with less motorway get no advice on speed: a choice, because it would change nothing."""
@@ -110,6 +107,9 @@ class JourneyOptions:
         faults += number_faults("alternatives", self.alternatives, roads, whole=True)
         faults += number_faults("pause_s", self.pause_s, Column("s", 0, _MAX_PAUSE_S, ""))
         faults += number_faults("stop_overhead_s", self.stop_overhead_s, Column("s", 0, _MAX_OVERHEAD_S, ""))
+        fix = "add --round-trip (round_trip), or leave out the pause"
+        if self.pause_s and not self.round_trip:
+            faults.append(Fault("pause without a way back", "pause_s", f"{self.pause_s:g} s", fix=fix))
         raise_faults(faults)
 
 
@@ -553,7 +553,7 @@ def journey_with(
     title = " to ".join(place.title for place in stops)[:100]
     forecaster = replace(forecaster, heights=atlas.heights_around(stops))
     found = atlas.router.roads(stops, alternatives=options.alternatives)
-    if options.round_trip and options.pause_s:
+    if options.pause_s:
         found = tuple(road.with_pause(options.pause_s) for road in found)
     roads = [RoadForecast(road, forecaster.forecast(road, title)) for road in found]
     is_planned = options.answers and options.charge and bool(atlas.stations)
@@ -593,18 +593,18 @@ def journey_with(
 def _order(plans: Sequence[ChargingPlan], is_planned: bool) -> list[int]:
     """Return the order of roads by their plans: those that arrive first, then those with the higher chance, each from the fastest on.
 
-    If the first has stops, of the roads that take at most `_SAME_TIME_S` more, the one with the fewest stops comes first, then the one
+    If the first has stops, of the roads that take at most `SAME_TIME_S` more, the one with the fewest stops comes first, then the one
     with the least energy.
     """
     lacking = [max(CERTAIN - plan.p_reserve, 0.0) * is_planned for plan in plans]
     ranks = [(p > 0.0, round(p, 2), plans[k].duration_s, plans[k].energy_wh) for k, p in enumerate(lacking)]
     order = sorted(range(len(plans)), key=ranks.__getitem__)
     *chance, fastest_s, _ = ranks[order[0]]
-    near = [k for k in order if [*ranks[k][:2]] == chance and ranks[k][2] <= fastest_s + _SAME_TIME_S]
-    if not plans[order[0]].stops:
-        return order
-    first = min(near, key=lambda k: (len(plans[k].stops), plans[k].energy_wh))
-    return [first, *(k for k in order if k != first)]
+    near = [k for k in order if [*ranks[k][:2]] == chance and ranks[k][2] <= fastest_s + SAME_TIME_S]
+    if plans[order[0]].stops:
+        first = min(near, key=lambda k: (len(plans[k].stops), plans[k].energy_wh))
+        order.sort(key=lambda k: k != first)
+    return order
 
 
 def _far_from_road(stops: Sequence[Place], road: Road) -> tuple[Flag, ...]:

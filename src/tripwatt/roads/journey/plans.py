@@ -14,9 +14,9 @@ from typing import Final
 
 import numpy as np
 
-from tripwatt.roads.journey.corridor import CERTAIN, Corridor
+from tripwatt.roads.journey.corridor import CERTAIN, Corridor, StopRules
 from tripwatt.roads.journey.solver import StopPlan, StopProblem, least_time
-from tripwatt.roads.journey.stops import ChargingPlan, ChargingStop, NextStation
+from tripwatt.roads.journey.stops import SAME_TIME_S, ChargingPlan, ChargingStop, NextStation
 
 _LEG_RISKS: Final = (5e-4, 1.0 - CERTAIN)
 """Smallest and largest risk of a leg; the smallest is a choice, a failure in 2,000 legs."""
@@ -46,6 +46,8 @@ _GAINS: Final[Mapping[str, Callable[[ChargingPlan], float]]] = MappingProxyType(
 def find_plans(corridor: Corridor) -> tuple[ChargingPlan, ...]:
     """Find the fastest plan, and plans that are better in another respect: fewest stops, safest, cheapest by energy.
 
+    A stop less may take `SAME_TIME_S` more in the fastest plan, which so has the fewest stops of plans that are about as fast.
+
     If no plan has the required chance, the result is only the plan with the highest chance to reach a first station, or empty if no
     station helps.
     """
@@ -57,13 +59,18 @@ def find_plans(corridor: Corridor) -> tuple[ChargingPlan, ...]:
     # a choice: the safest plan takes at most a quarter longer than the fastest
     candidates = (fewest, _safest_plan(corridor, 1.25 * first.duration_s), cheapest)
     others = [plan for plan in candidates if plan is not None]
-    # another plan may be faster than the first, because its legs were estimated as slower before they were routed
-    plans = [replace(min((first, *others), key=lambda plan: plan.duration_s), label="fastest")]
+    # another plan may cost less than the first, because its legs were estimated as slower before they were routed
+    plans = [replace(min((first, *others), key=lambda plan: _cost_s(corridor.rules, plan)), label="fastest")]
     for plan in others:
         gain = _GAINS[plan.label]
         if gain(plan) - max(map(gain, plans)) >= 1.0:
             plans.append(plan)
     return tuple(plans)
+
+
+def _cost_s(rules: StopRules, plan: ChargingPlan) -> float:
+    """Return the time of a plan with what each of its stops costs besides it, as in the search for the fastest plan [s]."""
+    return plan.duration_s + sum(SAME_TIME_S + rules.other_network_s(stop.station) for stop in plan.stops)
 
 
 def fastest_plan(corridor: Corridor) -> ChargingPlan | None:

@@ -23,16 +23,15 @@ from tripwatt.trips.showing import period
 
 START_M: Final = 2000.0
 """A stop less than this far from the start is charging before the journey. A choice."""
+SAME_TIME_S: Final = 300.0
+"""Plans and roads whose times differ by at most this count as equally fast if the car has to charge: a choice, the time of plugging in once."""
+
 _BAND: Final = 0.9
 ENERGY_BAND: Final = ("energy_low_wh", "energy_high_wh")
 _SOC_COLUMNS: Final = ("displayed_soc", "displayed_soc_low", "displayed_soc_high")
 
-_COURSE: Final = dict(
-    zip(
-        ("position_m", "time_s", "displayed_soc", "low", "high"),
-        ("distance_m", "time_s", *_SOC_COLUMNS),
-        strict=True,
-    )
+_COURSE: Final = {"position_m": "distance_m", "time_s": "time_s"} | dict(
+    zip(("displayed_soc", "low", "high"), _SOC_COLUMNS, strict=True)
 )
 """Column of `ChargingPlan.series` for each field of the course of a journey."""
 
@@ -237,11 +236,8 @@ def variance_along(forecast: Forecast) -> tuple[FloatArray, FloatArray]:
         local = uncertainty.free_flow.local_variance_m / forecast.plan.distance_m * forecast.energy_wh**2
         independent = independent + local * hours / hours[-1]
     reading = (charge.displayed_sd * charge.wh_per_display) ** 2
-    total = (
-        forecast.along.energy_sd_wh**2
-        + (charge.sd(forecast.along.energy_wh, True) * charge.wh_per_display) ** 2
-        - reading
-    )
+    charge_sd_wh = charge.sd(forecast.along.energy_wh, True) * charge.wh_per_display
+    total = forecast.along.energy_sd_wh**2 + charge_sd_wh**2 - reading
     return np.maximum(total - independent, 0.0), independent + reading
 
 
@@ -297,8 +293,8 @@ class ChargingPlan:
 
     def _joint(self, chances: Sequence[float]) -> float:
         chance = joint_chance(np.array(chances), np.array([leg.common_share for leg in self.legs]))
-        is_known = all(leg.forecast.climbing is None for leg in self.legs)
-        return chance if is_known else min(chance, MOST_CERTAIN)
+        most = 1.0 if all(leg.forecast.climbing is None for leg in self.legs) else MOST_CERTAIN
+        return min(chance, most)
 
     @property
     def soc_arrival(self) -> float:
