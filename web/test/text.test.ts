@@ -123,7 +123,8 @@ describe("formats", () => {
 
   test("durations", () => {
     assert.equal(en.duration(3540), "59\u00a0min");
-    assert.equal(en.duration(3900), "1\u00a0h 05\u00a0min");
+    assert.equal(en.duration(3900), "1\u00a0h\u00a005\u00a0min");
+    assert.equal(en.duration(28_800), "8\u00a0h");
     assert.deepEqual([0.2, 40, 89, 91].map(en.span), ["1\u00a0s", "40\u00a0s", "89\u00a0s", "2\u00a0min"]);
   });
 });

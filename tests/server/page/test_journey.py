@@ -455,7 +455,7 @@ def test_who_has_just_what_is_needed_is_told_so(page: Any) -> None:
 
     page.route("**/v1/journeys", just_enough)
     whole_answer(page, lambda: page.get_by_role("slider", name="Battery at departure").fill("83"))
-    page.get_by_text("Leave with 83\u00a0% or more: this is just enough.").wait_for()
+    page.get_by_text("Leave with 83\u00a0% or more.").wait_for()
     page.unroute("**/v1/journeys")
 
 

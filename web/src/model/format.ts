@@ -33,7 +33,8 @@ export function formatFor(locale: string) {
     const minutes = Math.round(seconds / 60);
     if (minutes < 60) return `${figure(minutes, 0)}${NO_BREAK}min`;
     const rest = String(minutes % 60).padStart(2, "0");
-    return `${figure(Math.floor(minutes / 60), 0)}${NO_BREAK}h ${rest}${NO_BREAK}min`;
+    const hours = `${figure(Math.floor(minutes / 60), 0)}${NO_BREAK}h`;
+    return minutes % 60 === 0 ? hours : [hours, rest, "min"].join(NO_BREAK);
   };
   return {
     locale,

@@ -1,10 +1,10 @@
 /** From A to B: the ends of the journey, the answer of the service to them, and what the map shows. */
 
 import { computed, effect, signal, untracked } from "@preact/signals";
-import { findReach, getMap, planJourney } from "../api/client";
+import { findReach, getMap, planJourney, viewMap } from "../api/client";
 import { Latest } from "../api/latest";
 import type { ChargingPlan, Journey, JourneyRequest, MapInfo, Place, Reach, Road } from "../api/documents";
-import { type End, type Field, type Point, pointAlong } from "../model/road";
+import { type End, type Field, metresBetween, type Point, pointAlong } from "../model/road";
 import { isSame, NO_CHOICE, type StationChoice } from "../model/stations";
 import { car } from "./car";
 import { type Conditions, conditions, conditionsOfJourney } from "./conditions";
@@ -141,6 +141,16 @@ export function mergedJourney(
     motorway_speed_m_s,
     roads: [...quick.roads, ...roads.slice(1)],
   };
+}
+
+/** How far the nearest charging station is from a place in a straight line, of those within 1°; null where none is known. */
+export async function nearestStationM(from: Place): Promise<number | null> {
+  const { latitude_deg: north, longitude_deg: east } = from;
+  for (const by of [0.1, 0.3, 1]) {
+    const view = await viewMap([north - by, east - by, north + by, east + by]).catch(() => null);
+    if (view?.stations.length) return Math.min(...view.stations.map((one) => metresBetween(one, from)));
+  }
+  return null;
 }
 
 const runner = new Latest<{ from: Place; at: Conditions }>(async ({ from, at }, signal) => {

@@ -123,15 +123,16 @@ const de: Text = {
       `Mit ${soc} oder mehr losfahren: Ankunft mit etwa ${expected}, bei 19 von 20 Fahrten mindestens ${reserve}.`,
     wouldDo: (soc, expected, reserve) =>
       `Auch ${soc} bei Abfahrt reichen: Ankunft mit etwa ${expected}, bei 19 von 20 Fahrten mindestens ${reserve}.`,
-    justEnough: (soc) => `Mit ${soc} oder mehr losfahren: Das reicht gerade.`,
+    justEnough: (soc) => `Mit ${soc} oder mehr losfahren.`,
     leaveWithout: (soc) => `Oder mit ${soc} losfahren und ohne Ladestopp ankommen.`,
     notEnough: "Auch eine volle Batterie reicht nicht: Laden Sie unterwegs.",
     anyCharge: (reserve) => `Jeder Ladestand reicht: bei 19 von 20 Fahrten bleiben mindestens ${reserve}.`,
-    chargeFirst: (soc) => `So nicht losfahren: Laden Sie zuerst auf ${soc} oder mehr.`,
+    chargeFirst: (soc) => `Laden Sie vor der Abfahrt auf ${soc} oder mehr.`,
     noStations: "Diese Karte hat keine Ladestationen.",
     noStopHelps: "Es wurde kein Ladestopp gefunden, mit dem Sie ankommen.",
     best: (action, chance) =>
       `${action}: Dann kommen ${chance} an, mit Ladestopps. Stellen Sie es bei den Bedingungen ein, um zu sehen, wo.`,
+    nearest: (far) => `Die nächste Ladestation ist ${far} Luftlinie entfernt.`,
     callHelp: "Wenn Sie hier nicht laden können, rufen Sie Hilfe.",
     atMost: (speed) => `Auf der Autobahn höchstens ${speed} fahren, um mit der Reserve anzukommen.`,
     atMostWithout: (speed) => `Oder auf der Autobahn höchstens ${speed} und ohne Ladestopp fahren.`,
@@ -166,6 +167,7 @@ const de: Text = {
     ifFull: (station, arrival, more, chance) =>
       `Falls besetzt: ${station}, erreicht mit ${arrival} (${chance}), ${more}.`,
     noneIfFull: "Falls die Station besetzt ist: Keine andere Ladestation ist sicher erreichbar.",
+    noOther: "Keine andere Ladestation ist sicher erreichbar.",
     sameTime: "gleich schnell",
     longer: (time) => `${time} länger`,
     sameEnergy: "gleiche Energie",
@@ -356,6 +358,7 @@ const de: Text = {
     withStops: (stops) => `, mit ${count(stops, { one: "# Ladestopp", other: "# Ladestopps" })}`,
     belowReserve: "Sie kommen an, aber vielleicht unter der Reserve",
     mostlyBelow: "Sie kommen wahrscheinlich unter der Reserve an",
+    doNotSetOut: (far) => `Fahren Sie nicht los: Der Ladestand reicht etwa ${far}`,
     perhaps: "Sie kommen vielleicht nicht an",
     leavesBelow: (reserve, hasStops) =>
       `Sie fahren mit weniger als Ihrer Reserve von ${reserve} los.${hasStops ? " Sie gilt ab dem ersten Ladestopp." : ""}`,
@@ -700,7 +703,7 @@ const de: Text = {
     nothingToLearn: "Noch nichts: Diese Dateien enthalten keine Fahrt.",
     ofLogs: (trips, logs) => `${trips} aus ${count(logs, { one: "# Log", other: "# Logs" })}`,
     dates: "Datum",
-    lost: (distance, time) => `Nicht verwendet: ${distance} und ${time} der Fahrten, aus diesen Gründen:`,
+    lost: (distance, time) => `Nicht verwendet: ${distance} und ${time} der Fahrten`,
     inTrips: (times, trips) =>
       `${count(times, { one: "einmal", other: "#-mal" })} in ${count(trips, { one: "# Fahrt", other: "# Fahrten" })}`,
     inFiles: (times, files) =>
@@ -711,7 +714,8 @@ const de: Text = {
       "set aside": "Fahrt nicht verwendet",
       noted: "vermerkt, trotzdem verwendet",
     },
-    moreReasons: each({ one: "# weiterer", other: "# weitere" }),
+    tripsOut: each({ one: "# Fahrt ausgelassen", other: "# Fahrten ausgelassen" }),
+    notes: each({ one: "# Hinweis", other: "# Hinweise" }),
     learn: each({ one: "Aus # Fahrt lernen", other: "Aus # Fahrten lernen" }),
     takeAnyway: "Trotzdem verwenden",
     starting: "Lernt …",
@@ -720,7 +724,6 @@ const de: Text = {
       `${count(trips, { one: "Aus # neuen Fahrt gelernt", other: "Aus # neuen Fahrten gelernt" })}${known > 0 ? `; ${count(known, { one: "# Log war schon bekannt", other: "# Logs waren schon bekannt" })}` : ""}.`,
     flat: (trips) =>
       `${count(trips, { one: "# davon hat", other: "# davon haben" })} keine Höhen: Schalten Sie für bessere Prognosen die Höhe in der App ein, die aufzeichnet.`,
-    leftOut: (reasons) => `Ausgelassen: ${reasons}.`,
     nothingYet: "Noch keine eigenen Fahrten: Prognosen aus veröffentlichten Werten.",
     learnedFrom: each({ one: "Aus # Fahrt gelernt", other: "Aus # Fahrten gelernt" }),
     taught: "Was seine Fahrten zeigen",

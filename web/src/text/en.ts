@@ -118,15 +118,16 @@ export const en = {
       `Leave with ${soc} or more: about ${expected} on arrival, at least ${reserve} in 19 of 20 trips.`,
     wouldDo: (soc: string, expected: string, reserve: string) =>
       `Leaving with ${soc} would also do: about ${expected} on arrival, at least ${reserve} in 19 of 20 trips.`,
-    justEnough: (soc: string) => `Leave with ${soc} or more: this is just enough.`,
+    justEnough: (soc: string) => `Leave with ${soc} or more.`,
     leaveWithout: (soc: string) => `Or leave with ${soc} and drive without a stop.`,
     notEnough: "Even a full battery is not enough: charge on the way.",
     anyCharge: (reserve: string) => `Any charge is enough to arrive with ${reserve} in 19 of 20 trips.`,
-    chargeFirst: (soc: string) => `Do not set out like this: charge to ${soc} or more first.`,
+    chargeFirst: (soc: string) => `Charge to ${soc} or more before you set out.`,
     noStations: "This map has no charging stations.",
     noStopHelps: "No charging stop was found with which you arrive.",
     best: (action: string, chance: string) =>
       `${action}: then ${chance} arrive, with charging stops. Set it in the conditions to see where.`,
+    nearest: (far: string) => `The nearest charging station is ${far} away in a straight line.`,
     callHelp: "If you cannot charge here, call for help.",
     atMost: (speed: string) => `Drive no faster than ${speed} on motorways to arrive with the reserve.`,
     atMostWithout: (speed: string) => `Or drive at most ${speed} on the motorway, without a charging stop.`,
@@ -162,6 +163,7 @@ export const en = {
     ifFull: (station: string, arrival: string, more: string, chance: string) =>
       `If it is full: ${station}, reached with ${arrival} (${chance}), ${more}.`,
     noneIfFull: "If it is full: no other station safely in reach.",
+    noOther: "No other charging station is safely in reach.",
     sameTime: "same time",
     longer: (time: string) => `${time} longer`,
     sameEnergy: "same energy",
@@ -351,6 +353,7 @@ export const en = {
       `, with ${count(stops, { one: "# charging stop", other: "# charging stops" })}`,
     belowReserve: "You will arrive, but perhaps below the reserve",
     mostlyBelow: "You will probably arrive below the reserve",
+    doNotSetOut: (far: string) => `Do not set out: the charge lasts about ${far}`,
     perhaps: "You may not arrive",
     leavesBelow: (reserve: string, hasStops: boolean) =>
       `You leave with less than your reserve of ${reserve}.${hasStops ? " It counts from the first charging stop on." : ""}`,
@@ -702,7 +705,7 @@ export const en = {
     ofLogs: (trips: string, logs: number) =>
       `${trips} from ${count(logs, { one: "# log", other: "# logs" })}`,
     dates: "Dates",
-    lost: (far: string, time: string) => `Not used: ${far} and ${time} of the trips, for these reasons:`,
+    lost: (far: string, time: string) => `Not used: ${far} and ${time} of the trips`,
     inTrips: (times: number, trips: number) =>
       `${count(times, { one: "once", other: "# times" })} in ${count(trips, { one: "# trip", other: "# trips" })}`,
     inFiles: (times: number, files: number) =>
@@ -713,7 +716,8 @@ export const en = {
       "set aside": "trip not used",
       noted: "noted, used anyway",
     },
-    moreReasons: each({ one: "# more", other: "# more" }),
+    tripsOut: each({ one: "# trip left out", other: "# trips left out" }),
+    notes: each({ one: "# note", other: "# notes" }),
     learn: each({ one: "Learn # trip", other: "Learn # trips" }),
     takeAnyway: "Use anyway",
     starting: "Learning …",
@@ -722,7 +726,6 @@ export const en = {
       `${count(trips, { one: "# new trip learned", other: "# new trips learned" })}${known > 0 ? `; ${count(known, { one: "# log was known", other: "# logs were known" })}` : ""}.`,
     flat: (trips: number) =>
       `${count(trips, { one: "# of them has", other: "# of them have" })} no heights: switch on the altitude in the logging app for better forecasts.`,
-    leftOut: (reasons: string) => `Left out: ${reasons}.`,
     nothingYet: "No own trips yet: forecasts from published values.",
     learnedFrom: each({ one: "Learned from # trip", other: "Learned from # trips" }),
     taught: "What its trips show",

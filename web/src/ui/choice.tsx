@@ -21,8 +21,7 @@ export function Choice<T extends string | number>({
 }: Props<T>) {
   const name = useId();
   return (
-    <fieldset class={`choice ${kind}`}>
-      <legend class="unseen">{label}</legend>
+    <fieldset class={`choice ${kind}`} aria-label={label}>
       {options.map(([option, text]) => (
         <label key={option}>
           <input

@@ -130,6 +130,7 @@ function PlaceField({ label, end, onRemove }: { label: string; end: Field; onRem
   const search = useMemo(() => searchFor(end), [end]);
   const chosen = placeOf(end);
   const [isOpened, setOpened] = useState(false);
+  const mayLocate = end === "from" && canLocate;
   const found = (suggested.value[end] ?? []).map((place) => optionOf(end, place));
   const { fromHere, lacks: reasons, here } = text.value.position;
   const device = { key: "here", name: fromHere, detail: "", take: () => startHere(here) };
@@ -150,14 +151,14 @@ function PlaceField({ label, end, onRemove }: { label: string; end: Field; onRem
         isWrong={lacks !== "" || wrong.length > 0}
         options={options}
         onType={(now) => {
-          setOpened(false);
+          setOpened(now === "" && mayLocate); // who clears the field may still take his position
           lacksPosition.value = null;
           write(end, now);
           if (placeOf(end)) setPlace(end, null);
           if (isEnd(end)) nextEnd.value = end;
           search.submit(now);
         }}
-        {...(end === "from" && canLocate && { onOpen: () => setOpened(true) })}
+        {...(mayLocate && { onOpen: () => setOpened(true) })}
         onFocus={(input) => {
           // what is typed replaces the place that is there
           if (chosen) input.select();

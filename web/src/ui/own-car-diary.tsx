@@ -12,7 +12,6 @@ import { Fold } from "./parts";
 
 /** Factors below this share of their standard deviation are not shown by the trips. */
 const MIN_SHOWN = 0.5;
-const SHOWN_REASONS = 5;
 
 function percent(share: number | null, digits = 1): string {
   return share === null ? "–" : `${format.value.figure(PERCENT.from(share), digits)}\u00a0%`;
@@ -319,7 +318,9 @@ export function OwnCarDiary({ of }: { of: OwnCar }) {
     <section aria-labelledby="own-car-diary">
       <Progress of={of} />
       {reasons.length > 0 && (
-        <p class="note">{words.leftOut(format.value.list(reasons.slice(-SHOWN_REASONS)))}</p>
+        <Fold title={words.tripsOut(reasons.length)}>
+          <p class="note">{format.value.list(reasons)}</p>
+        </Fold>
       )}
       {of.in_diary === 0 ? (
         <p>{words.nothingYet}</p>

@@ -13,8 +13,8 @@ import { rangeWithUnit } from "./wording";
 import { Said } from "./said";
 import { Button, Fold, put, Stat } from "./parts";
 
-/** So many reasons are told at once. */
-const MAX_REASONS = 8;
+// eslint-disable-next-line page/text -- of the service: the trip is not used
+const OUT = "set aside";
 
 type Preview = NonNullable<LogsReading["preview"]>;
 type Reason = Alike & { consequence?: Preview["findings"][number]["consequence"] };
@@ -52,9 +52,12 @@ function Learnable({ preview, report }: { preview: Preview | null; report: Alike
   const { shown, duration, figure } = format.value;
   const { distance } = units.value;
   const reasons: Reason[] = [...(preview?.findings ?? []), ...report];
-  const first = reasons.slice(0, MAX_REASONS);
-  const rest = reasons.slice(MAX_REASONS);
+  const out = reasons.reduce((sum, { consequence, places }) => sum + (consequence === OUT ? places : 0), 0);
   const { lost_distance_m: lostM = 0, lost_duration_s: lostS = 0 } = preview ?? {};
+  const lost = [
+    out > 0 && words.tripsOut(out),
+    (lostM > 0 || lostS > 0) && words.lost(shown(lostM, distance), duration(lostS)),
+  ].filter(Boolean);
   return (
     <section aria-labelledby="own-car-learnable">
       <h4 id="own-car-learnable">{words.learnable}</h4>
@@ -76,11 +79,9 @@ function Learnable({ preview, report }: { preview: Preview | null; report: Alike
       ) : (
         <p>{words.nothingToLearn}</p>
       )}
-      {(lostM > 0 || lostS > 0) && <p class="lost">{words.lost(shown(lostM, distance), duration(lostS))}</p>}
-      {first.length > 0 && <Reasons of={first} />}
-      {rest.length > 0 && (
-        <Fold title={words.moreReasons(rest.length)}>
-          <Reasons of={rest} />
+      {reasons.length > 0 && (
+        <Fold title={lost.join(" · ") || words.notes(reasons.length)}>
+          <Reasons of={reasons} />
         </Fold>
       )}
     </section>

@@ -1,7 +1,8 @@
 /** The first thing that a driver reads: whether the trip arrives, with what, when, and what to do. */
 
 import { computed } from "@preact/signals";
-import type { Forecast, Stop } from "../api/documents";
+import { useEffect, useState } from "preact/hooks";
+import type { Forecast, Place, Stop } from "../api/documents";
 import { type Answer, BELOW, decisiveChance, isDoubtful, verdictOfAnswer } from "../model/answer";
 import { emptyAfterM, socFromEnergy, type Verdict } from "../model/arrival";
 import { warningsOf } from "../model/flags";
@@ -21,7 +22,7 @@ import {
 import { advice } from "../state/advice";
 import { arrived, driving, shownForecast } from "../state/drive";
 import { alternative, leaving, leavingIsOld, mode, problem, requested } from "../state/forecast";
-import { answersAreOld, chargingPlans, chosenRoad, journey, map } from "../state/journey";
+import { answersAreOld, chargingPlans, chosenRoad, journey, map, nearestStationM } from "../state/journey";
 import { format, text, units } from "../state/preferences";
 import { trip } from "../state/trip";
 import { togetherText } from "./advice";
@@ -71,6 +72,9 @@ function shownVerdict(now: Answer): Verdict {
 function sentence(now: Answer): string {
   const { verdict: words } = text.value;
   if (isLookingForStops.value) return words.looking;
+  const of = isStuck.value ? shownForecast.value : null;
+  const emptyM = of && emptyAfterM(of);
+  if (of && emptyM !== null) return words.doNotSetOut(lastsText(of, emptyM));
   const isRound = (trip.value?.pauseS ?? null) !== null;
   const stops = now.charges > 0 ? words.withStops(now.charges) : "";
   if (shownVerdict(now) === "good") return (isRound ? words.arrivesBack : words.arrives) + stops;
@@ -84,20 +88,24 @@ function sentence(now: Answer): string {
   return now.pArrive >= OPEN[0] ? words.probablyNot : words.not;
 }
 
+/** How far a battery lasts that is expected to run empty, with the interval where it surely does. */
+function lastsText({ empty_at_m: { early, late } }: Forecast, afterM: number): string {
+  const { figure, shown } = format.value;
+  const { distance } = units.value;
+  const far = shown(afterM, distance, 0);
+  if (late === null) return far;
+  return far + text.value.result.emptyBetween(figure(distance.from(early ?? 0), 0), shown(late, distance, 0));
+}
+
 /** Where a battery that is expected to run empty does so, and what it lacks. */
 function Empty({ of, afterM }: { of: Forecast; afterM: number }) {
   const { result } = text.value;
-  const { figure, shown } = format.value;
-  const { early, late } = of.empty_at_m;
+  const { shown } = format.value;
   const { least, expected, most } = of.missing_wh;
   const best = of.series.displayed_soc_high.at(-1) as number;
-  const { distance } = units.value;
-  const ends =
-    late === null ? "" : result.emptyBetween(figure(distance.from(early ?? 0), 0), shown(late, distance, 0));
   return (
     <>
-      {result.emptyAfter(shown(afterM, distance, 0))}
-      {ends}
+      {result.emptyAfter(lastsText(of, afterM))}
       <span class="missing">
         {result.missing(shown(expected, ENERGY, 1), range([least, most], ENERGY, 1))}
       </span>
@@ -161,6 +169,15 @@ function Headline({ of, now }: { of: Forecast; now: Answer }) {
   const { reserve } = requested.value.at;
   const label = isDoubtful(now) ? result.onArrivalIf(now.charges) : result.onArrival;
   const detail = measured ? result.measured : result.inTrips(rangeWithUnit(now.interval, PERCENT));
+  const chance = !measured && (
+    <Chance
+      verdict={shownVerdict(now)}
+      chance={decisiveChance(now)}
+      reserve={now.pReserve === null ? 0 : reserve}
+      atAll={now.pArrive}
+    />
+  );
+  if (isStuck.value && emptyM !== null) return <div class="headline">{chance}</div>;
   return (
     <div class="headline">
       <p class="arrival">
@@ -173,14 +190,7 @@ function Headline({ of, now }: { of: Forecast; now: Answer }) {
       </p>
       <Whole now={now} isEmpty={emptyM !== null} />
       {!measured && reasonText() && <p class="reason">{reasonText()}</p>}
-      {!measured && (
-        <Chance
-          verdict={shownVerdict(now)}
-          chance={decisiveChance(now)}
-          reserve={now.pReserve === null ? 0 : reserve}
-          atAll={now.pArrive}
-        />
-      )}
+      {chance}
     </div>
   );
 }
@@ -234,6 +244,7 @@ function Stops({ of: [first, ...others] }: { of: Stop[] }) {
   return (
     <li>
       <StopText of={first} fromM={0} />
+      {!first.if_full && ` ${text.value.journey.noOther}`}
       {others.length > 0 && (
         <details>
           <summary>{text.value.journey.moreStops(others.length)}</summary>
@@ -247,6 +258,20 @@ function Stops({ of: [first, ...others] }: { of: Stop[] }) {
         </details>
       )}
     </li>
+  );
+}
+
+/** That no charging stop helps, and how far the nearest station is. */
+function NoStop({ from }: { from: Place }) {
+  const [farM, setFar] = useState<number | null>(null);
+  useEffect(() => void nearestStationM(from).then(setFar), [from]);
+  const { journey: words } = text.value;
+  if (map.value?.stations === 0) return <>{words.noStations}</>;
+  const far = farM !== null && format.value.shown(farM, units.value.distance, farM < NEAR_M ? 1 : 0);
+  return (
+    <>
+      {words.noStopHelps} {far && words.nearest(far)}
+    </>
   );
 }
 
@@ -270,9 +295,9 @@ function ToDo({ of }: { of: Forecast }) {
   const [best] = helps.sort((one, other) => other.p_arrive - one.p_arrive);
   const texts = [
     leaves && !(isStuck.value && needed > 1) && leaveText(needed, of),
-    isStuck.value && (map.value?.stations === 0 ? words.noStations : words.noStopHelps),
-    best?.whole && words.best(togetherText(best), chanceInFigures(best.whole.p_reserve)),
     isStuck.value && isLow && words.callHelp,
+    isStuck.value && trip.value?.stops?.[0] && <NoStop from={trip.value.stops[0]} />,
+    best?.whole && words.best(togetherText(best), chanceInFigures(best.whole.p_reserve)),
     needed !== undefined &&
       isJourney &&
       speed !== null &&
@@ -283,7 +308,7 @@ function ToDo({ of }: { of: Forecast }) {
   return (
     <ul class={`journey-answer todo${isOld ? " old" : ""}`} aria-busy={isOld}>
       {plan && <Stops of={plan.stops} />}
-      {texts.map((one) => one && <li key={one}>{one}</li>)}
+      {texts.map((one, k) => one && <li key={k}>{one}</li>)}
     </ul>
   );
 }
