@@ -262,6 +262,7 @@ def test_many_files_of_which_some_are_bad(opened: Any, service: Service) -> None
     groups = dialog(page).locator(".files details")
     assert groups.locator("summary").all_inner_texts() == ["4 files cannot be read", "16 files can be read"]
     assert groups.locator("li").count() == 4  # the others when they are asked for
+    assert not dialog(page).locator(".findings").is_visible()  # behind one line
     reasons = " ".join(groups.locator(".why").all_inner_texts())
     for reason in ("empty file", "not a text file", "no samples"):
         assert reason in reasons

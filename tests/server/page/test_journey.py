@@ -393,6 +393,7 @@ def test_verdict_list_and_chart_speak_of_the_journey_with_its_charging_stop(page
     assert "12\u00a0min charging, 5\u00a0min plugging in" in page.locator(".whole").inner_text()
     todo = page.locator(".todo li").first.inner_text().replace("\u00a0", " ")
     assert todo.startswith("Drive ")
+    assert "safely in reach" not in todo  # there is another station
     assert "to “Halbweg” and charge for 12 min, from 13 % to 45 %; you are there at about " in todo
     link = page.locator(".todo a")  # for the navigation of the phone
     assert link.get_attribute("href") == "geo:47,9.05"
@@ -414,6 +415,8 @@ def test_verdict_list_and_chart_speak_of_the_journey_with_its_charging_stop(page
     assert causes.filter(has_text="Heating and cooling").locator(".value").inner_text() == "0.04"
     total = page.locator(".whole dd").last.inner_text().split()[0]
     assert causes.last.locator(".value").inner_text() == total
+    headed = page.locator(".choices").inner_text()
+    assert [headed.count(title) for title in ("Charging stops", "Charging plans", "Routes")] == [1, 0, 1]
     plans = page.get_by_role("group", name="Charging plans").get_by_role("radio")
     plans.first.focus()
     page.keyboard.press("ArrowRight")
@@ -432,7 +435,7 @@ def test_who_charges_at_the_start_drives_nowhere_first_and_a_doubtful_charge_is_
         answer = route.fetch().json()
         if route.request.post_data_json.get("answers") is not False:
             whole = charging(answer, "best effort", 0.45, 12.0)
-            whole["stops"] = [whole["stops"][0] | {"position_m": 150.0}]
+            whole["stops"] = [whole["stops"][0] | {"position_m": 150.0, "if_full": None}]
             answer["charging"] = whole | {"p_arrive": 0.81, "p_reserve": 0.81}
         route.fulfill(json=answer)
 
@@ -441,9 +444,32 @@ def test_who_charges_at_the_start_drives_nowhere_first_and_a_doubtful_charge_is_
     todo = page.locator(".todo:not(.old) li", has_text="Halbweg")
     todo.wait_for()
     told = todo.inner_text().replace("\u00a0", " ")
-    assert told == "Charge here first, at “Halbweg”, for 12 min, from 13 % to 45 %."
+    first, second = told.split(" No other ")
+    assert first == "Charge here first, at “Halbweg”, for 12 min, from 13 % to 45 %."
+    assert second == "charging station is safely in reach."
     label = page.locator(".verdict .arrival .label").inner_text()
     assert label == "Battery on arrival, if you reach the charging stop"
+    page.unroute("**/v1/journeys")
+
+
+def test_who_reaches_no_station_is_told_not_to_set_out_and_then_what_to_do(page: Any) -> None:
+    def without_stops(route: Any) -> None:
+        answer = route.fetch().json() | {"charging": None, "charging_alternatives": [], "soc_needed": 0.3}
+        answer["roads"] = [road | {"charging": None} for road in answer["roads"]]
+        route.fulfill(json=answer)
+
+    page.route("**/v1/journeys", without_stops)
+    whole_answer(page, lambda: page.get_by_role("slider", name="Battery at departure").fill("1"))
+    title = re.compile("^Do not set out: the charge lasts about [0-9]+.km( .[0-9]+ to [0-9]+.km.)?$")
+    page.get_by_role("heading", name=title).wait_for()
+    assert page.locator(".verdict :is(.number, .whole)").count() == 0
+    page.locator(".todo:not(.old) li", has_text="The nearest charging station is").wait_for()
+    todo = [words.replace("\u00a0", " ") for words in page.locator(".todo li").all_inner_texts()]
+    assert todo[:2] == [
+        "Charge to 30 % or more before you set out.",
+        "If you cannot charge here, call for help.",
+    ]
+    assert re.fullmatch("No charging stop was .* is [0-9.]+ km away in a straight line.", todo[2])
     page.unroute("**/v1/journeys")
 
 
@@ -475,6 +501,10 @@ def test_a_journey_starts_where_the_device_is(browser: Any, planner: Service) ->
 
     tap()
     page.get_by_text("The browser may not tell where you are.").wait_for()
+    field.fill("Westend")
+    page.get_by_role("option", name="Westend").first.wait_for()
+    field.fill("")  # who deletes the old place may still take his own
+    page.get_by_role("option", name="From here").wait_for()
     context.grant_permissions(["geolocation"])
     context.set_geolocation({"latitude": 52.0, "longitude": 13.0})
     tap()
