@@ -426,7 +426,8 @@ def test_a_message_may_have_any_form_that_senders_use(served: Served) -> None:
 
 def test_a_message_without_a_time_is_of_now_and_a_wrong_value_is_counted(served: Served) -> None:
     before_s = time.time()
-    found = served.send({"speed": 36, "soc": 900})
+    bearer = {"Authorization": f"Bearer {served.tokens['leaf']}"}
+    found = served("/v1/telemetry", "POST", json={"speed": 36, "soc": 900}, headers=bearer)
     assert (found.status_code, found.json()["arrival"]) == (200, "new")
     assert [fault["where"] for fault in found.json()["ignored"]] == ["soc"]
     car = _cars(served).by_name("leaf")

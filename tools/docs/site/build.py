@@ -109,7 +109,7 @@ def stage(folder: Path) -> None:
     _write(index, parts.with_part(index.read_text("utf-8"), "results", parts.part(readme, "results")))
     for name, words in WORDS.items():
         _write(folder / name, with_words((folder / name).read_text("utf-8"), words))
-    for name in ("images", "reference/openapi"):
+    for name in ("examples", "images", "reference/openapi"):
         shutil.copytree(DOCS / name, folder / name)
 
 

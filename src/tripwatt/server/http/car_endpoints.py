@@ -270,12 +270,12 @@ def given_token(message: Mapping[str, Any], request: Request, of_query: str | No
 
 
 def telemetry_of(message: Mapping[str, Any]) -> Any:
-    """Return the object `tlm` of a message, which may be JSON text; without `tlm`, the message itself if it has a `utc`.
+    """Return the object `tlm` of a message, which may be JSON text; without `tlm`, the message itself.
 
     Raises
     ------
     Problem
         `not-json` if the text is not JSON.
     """
-    message_part = message.get("tlm", message if "utc" in message else None)
+    message_part = message.get("tlm", message)
     return parse_json(message_part.encode(), "tlm: ") if isinstance(message_part, str) else message_part

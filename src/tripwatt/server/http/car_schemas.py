@@ -313,8 +313,8 @@ class TelemetryRequest(BaseModel):
 
     model_config = ConfigDict(extra="allow", use_attribute_docstrings=True)
 
-    tlm: dict[str, Any] | str
-    """the message as an object, or as its JSON text: utc [s since 1970] is required; speed [km/h], power [kW, output is positive], soc [%], voltage, current, elevation, ext_temp, batt_temp, cabin_temp, hvac_power [kW], hvac_setpoint, is_charging, is_parked"""
+    tlm: dict[str, Any] | str | None = None
+    """the message as an object, or as its JSON text; default: the fields beside the token. utc [s since 1970], by default now; speed [km/h], power [kW, output is positive], soc [%], voltage, current, elevation, ext_temp, batt_temp, cabin_temp, hvac_power [kW], hvac_setpoint, is_charging, is_parked"""
     token: str | None = Field(None, max_length=200)
     """token of the car; or as a bearer token"""
 
