@@ -13,7 +13,7 @@ async function call(method, path, body, headers = own) {
   });
   const document = await answer.json();
   if (answer.ok) return document;
-  const faults = (document.faults ?? []).map((one) => `${one.where}: ${one.what}, ${one.got} (${one.allowed}) ${one.fix ?? ""}`);
+  const faults = (document.faults ?? []).map((one) => `${one.where}: ${one.what}, ${one.got} (${one.allowed ?? one.fix})`);
   throw new Error([`${method} ${path}: ${document.title}`, document.detail, ...faults].filter(Boolean).join("\n  "));
 }
 
@@ -52,8 +52,8 @@ const messages = observed.time_s.flatMap((time, k) =>
 
 // the plan: a journey, and what to do about it
 const departure = { soc: 0.17, ambient_temperature_degc: 25.5 };
-const journey = await call("POST", "/v1/journeys", { stops, car, ...departure });
-const advice = await call("POST", "/v1/journeys/advice", { stops, car, ...departure });
+const journey = await call("POST", "/v1/journeys", { stops, car, departure });
+const advice = await call("POST", "/v1/journeys/advice", { stops, car, departure });
 const least = advice.least.map((one) => one.actions.map((action) => action.code));
 
 // the drive: a car for each door, with the road of the journey as its plan
@@ -61,7 +61,7 @@ const watching = watch().catch((error) => { if (error.name !== "AbortError") thr
 const names = Object.entries(DOORS).map(async ([door, send]) => {
   const { name } = await call("POST", "/v1/cars", { name: `by ${door}`, car });
   const { token } = await call("POST", `/v1/cars/${name}/token`);
-  await call("PUT", `/v1/live/${name}/plan`, { route: journey, destination: stops.at(-1), ...departure });
+  await call("PUT", `/v1/live/${name}/plan`, { route: journey, destination: stops.at(-1), departure });
   for (const message of messages) await send(token, message);
   return name;
 });

@@ -92,7 +92,7 @@ def test_a_job_gets_its_body_whole() -> None:
     assert served.pool.jobs == [
         ({"kind": "forecast", "fields": None}, b"[1]"),
         ({"kind": "update", "fields": None}, b"[1]"),
-        ({"kind": "describe"}, b""),
+        ({"kind": "describe", "fields": None}, b""),
     ]
 
 

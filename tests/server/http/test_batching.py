@@ -9,6 +9,7 @@ from typing import Any
 import orjson
 import pytest
 
+from tripwatt.errors import InvalidInput
 from tripwatt.server.http.batching import forecast_lines, parse_lines
 from tripwatt.server.http.metrics import Metrics
 from tripwatt.server.http.pool import JobResult
@@ -31,8 +32,9 @@ def test_a_batch_has_a_largest_number_of_lines_and_empty_ones_are_left_out() -> 
             "too-large",
             f"at most {most} trips",
         )
-    nothing = problem_of(b" \n", 3)
-    assert [(fault.what, fault.where) for fault in nothing.faults] == [("no trips", "body")]
+    with pytest.raises(InvalidInput) as nothing:
+        parse_lines(b" \n", 3)
+    assert [(fault.what, fault.where) for fault in nothing.value.faults] == [("no trips", "body")]
 
 
 class Pool:

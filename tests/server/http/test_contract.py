@@ -30,10 +30,11 @@ from tripwatt.server.http.example_requests import EXAMPLES
 from tripwatt.server.http.jobs import Jobs
 from tripwatt.server.http.openapi import refuse_unknown_parameters
 from tripwatt.server.http.problems import TITLES, json_pointer
-from tripwatt.server.http.schemas import check_request
+from tripwatt.server.http.schemas import check_request, departure_of
 from tripwatt.server.http.settings import Limits
 from tripwatt.server.http.worker import chosen_fields
 from tripwatt.server.mcp import TOOLS
+from tripwatt.trips import ASKED, Departure
 
 
 @pytest.fixture(scope="module")
@@ -224,6 +225,10 @@ def test_what_does_not_change_has_a_tag(service: Service, path: str) -> None:
         ("PUT", "/v1/live/leaf/plan", {"departs_at": 1769927400}, "departs_at"),
         ("GET", "/v1/need", {"distance_km": 30, "departs_at": 1769927400}, "departs_at"),
         ("GET", "/v1/need", {"soc": 0.5}, "distance_km, trip"),
+        ("POST", "/v1/forecast", {"departure": {"departs_at": 1769927400.0}}, "departure.departs_at"),
+        ("POST", "/v1/reachable", {"start": "a", "departure": {"soc": 0.5}, "soc": 0.4}, "departure.soc"),
+        ("PUT", "/v1/live/leaf/plan", {"departure": {"soc": 80}}, "departure.soc"),
+        ("POST", "/v1/forecast/difference", {"one": {"route": 5}, "other": {}}, "one.route"),
     ],
 )  # fmt: skip
 def test_a_time_is_a_text_and_a_charge_of_samples_has_its_full_name(
@@ -295,6 +300,43 @@ def test_another_site_neither_changes_nor_reads(service: Service, document: dict
                 assert answer.status_code != 403, path
     for path in ("/", "/healthz"):
         assert client.get(path, headers={"Sec-Fetch-Site": "cross-site"}).status_code == 200
+
+
+def with_departure(request: dict[str, Any]) -> dict[str, Any]:
+    """The request with what it knows of the departure in one object, also in the requests inside of it."""
+    inside = {
+        name: [with_departure(one) for one in value] if name == "trips" else with_departure(value)
+        for name, value in request.items()
+        if name in ("one", "other", "trips")
+    }
+    # the trip of a fleet has its time beside the departure, as in Python
+    known = {name: request[name] for name in ASKED if name in request and name != "departs_at"}
+    return (
+        {n: v for n, v in request.items() if n not in known}
+        | inside
+        | ({"departure": known} if known else {})
+    )
+
+
+def test_a_departure_is_taken_as_fields_and_as_one_object() -> None:
+    """Over every request that has one."""
+    jobs, tried = Jobs.from_folders({}, Limits()), set[str]()
+    for model, examples in EXAMPLES.items():
+        for example in examples.values():
+            together = with_departure(dict(example))
+            if together == example:
+                continue
+            tried.add(model.__name__)
+            flat, nested = (departures(check_request(one, model, jobs)) for one in (example, together))
+            assert flat == nested
+            assert flat[0] != Departure()
+    assert len(tried) >= 9
+
+
+def departures(request: Any) -> list[Departure]:
+    """The departures of a checked request."""
+    inside = [request.one, request.other] if hasattr(request, "one") else getattr(request, "trips", [request])
+    return [departure_of(one) for one in inside]
 
 
 Path = tuple[str | int, ...]

@@ -626,11 +626,19 @@ def test_a_plan_is_read_removed_and_given_back(served: Served) -> None:
         b'<rtept lat="47.1" lon="9.1"/></rte></gpx>'
     )
     shown = served.put(
-        {"route": gpx.decode(), "speed_m_s": 15.0, "destination": "Work", "departs_at": NOON}
+        {
+            "route": gpx.decode(),
+            "speed_m_s": 15.0,
+            "destination": "Work",
+            "departs_at": NOON,
+            "departure": {"soc": 0.8, "rain_mm_h": None},
+        }
     ).json()
     assert (shown["plan"], shown["destination"]) == ("given", "Work")
     given = served("/v1/live/leaf/plan").json()
     assert set(given) >= {"links", "destination", "departs_at"}
+    assert given["soc"] == 0.8
+    assert {"departure", "rain_mm_h"}.isdisjoint(given)
     assert served("/v1/live/leaf/plan", "DELETE").json()["plan"] is None
     assert served.put(given, "zoe").json()["forecast"]["distance_m"] == shown["forecast"]["distance_m"]
     refused = served.put({"route": "no road"}, "zoe")

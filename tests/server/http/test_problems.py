@@ -6,7 +6,7 @@ import orjson
 import pytest
 
 from tripwatt.errors import Fault
-from tripwatt.server.http.problems import TITLES, Problem, fault_document, invalid_input
+from tripwatt.server.http.problems import TITLES, Problem, fault_document
 
 STATUSES = {
     "not-json": 400,
@@ -50,23 +50,25 @@ def test_detail_and_instance_are_told_where_there_are_any() -> None:
 
 def test_fifty_faults_are_listed_and_further_ones_counted() -> None:
     faults = [Fault("wrong", f"f{k}") for k in range(52)]
-    fifty = invalid_input(faults[:50]).document()
+    fifty = Problem("invalid-input", faults=faults[:50]).document()
     assert (len(fifty["faults"]), "more_faults" in fifty) == (50, False)
-    one_more = invalid_input(faults[:51]).document()
+    one_more = Problem("invalid-input", faults=faults[:51]).document()
     assert (len(one_more["faults"]), one_more["more_faults"]) == (50, 1)
     assert one_more["faults"][49] == {"code": "wrong", "what": "wrong", "where": "f49", "pointer": "/f49"}
-    assert invalid_input(faults).document()["more_faults"] == 2
+    assert Problem("invalid-input", faults=faults).document()["more_faults"] == 2
 
 
 def test_a_parameter_has_its_name_and_each_problem_an_address() -> None:
-    (fault,) = invalid_input([Fault("out of range", "query.distance_km", "-5")]).document()["faults"]
+    (fault,) = Problem(
+        "invalid-input", faults=(Fault("out of range", "query.distance_km", "-5"),)
+    ).document()["faults"]
     assert (fault["parameter"], fault["code"], "pointer" in fault) == ("distance_km", "out-of-range", False)
 
 
 def test_the_detail_names_the_first_three_faults() -> None:
     faults = [Fault("wrong", f"f{k}") for k in range(4)]
-    assert invalid_input(faults).document()["detail"] == "f0: wrong; f1: wrong; f2: wrong"
-    assert invalid_input(faults[:1]).document()["detail"] == "f0: wrong"
+    assert Problem("invalid-input", faults=faults).document()["detail"] == "f0: wrong; f1: wrong; f2: wrong"
+    assert Problem("invalid-input", faults=faults[:1]).document()["detail"] == "f0: wrong"
 
 
 def test_a_text_of_a_fault_is_cut_after_300_characters() -> None:

@@ -14,7 +14,7 @@ import pytest
 from tripwatt.errors import Fault, InvalidInput, RemoteError
 from tripwatt.roads.journey import AtlasSettings
 from tripwatt.server.http import worker
-from tripwatt.server.http.problems import Problem, invalid_input
+from tripwatt.server.http.problems import Problem
 from tripwatt.server.http.settings import Limits
 
 FAULT = Fault("wrong", "there")
@@ -43,7 +43,7 @@ class Jobs:
         ({"a": 1}, 200, b'{"a":1}'),
         (b"\x00tile", 200, b"\x00tile"),
         (Problem("not-json", "line 1"), 400, orjson.dumps(Problem("not-json", "line 1").document())),
-        (InvalidInput(FAULT), 422, orjson.dumps(invalid_input([FAULT]).document())),
+        (InvalidInput(FAULT), 422, orjson.dumps(Problem("invalid-input", faults=(FAULT,)).document())),
         (RemoteError(FAULT), 502, orjson.dumps(Problem("remote", faults=(FAULT,)).document())),
     ],
 )

@@ -26,7 +26,7 @@ from tripwatt.server.http.endpoints import forecasts, journeys, library, monitor
 from tripwatt.server.http.fleet_endpoints import fleet
 from tripwatt.server.http.middleware import ServiceMiddleware
 from tripwatt.server.http.openapi import DESCRIPTION, describe_requests
-from tripwatt.server.http.problems import Problem, invalid_input, problem_of
+from tripwatt.server.http.problems import Problem, problem_of
 from tripwatt.server.http.service import Service, request_id
 from tripwatt.server.http.settings import Settings
 
@@ -152,7 +152,7 @@ def _add_handlers(app: FastAPI) -> None:
     async def on_parameters(request: Request, error: RequestValidationError) -> Response:
         described = app.openapi()["paths"][request.scope["route"].path][request.method.lower()]
         known = [parameter["name"] for parameter in described["parameters"]]
-        return invalid_input(list(schemas.faults_of(error.errors(), known))).response(request_id(request))
+        return await on_problem(request, InvalidInput(schemas.faults_of(error.errors(), known)))
 
 
 if __name__ == "__main__":

@@ -10,10 +10,10 @@ from typing import Any, Final
 
 import orjson
 
-from tripwatt.errors import Fault
+from tripwatt.errors import InvalidInput
 from tripwatt.server.http.metrics import Metrics
 from tripwatt.server.http.pool import JobResult, WorkerPool, cancel_all
-from tripwatt.server.http.problems import Problem, invalid_input
+from tripwatt.server.http.problems import Problem
 
 QUEUED_JOBS: Final = 1
 """Jobs of a batch that wait while every worker runs one: a single request waits for at most these. A choice."""
@@ -24,8 +24,10 @@ def parse_lines(body: bytes, max_lines: int) -> list[bytes]:
 
     Raises
     ------
+    InvalidInput
+        When there is no line.
     Problem
-        `invalid-input` if there is no line. `too-large` if there are more than `max_lines` lines, or more than twice as many line breaks.
+        `too-large` if there are more than `max_lines` lines, or more than twice as many line breaks.
 
     Examples
     --------
@@ -37,7 +39,7 @@ def parse_lines(body: bytes, max_lines: int) -> list[bytes]:
     if breaks > 2 * max_lines or len(lines) > max_lines:
         raise Problem("too-large", f"at most {max_lines} trips")
     if not lines:
-        raise invalid_input([Fault("no trips", "body", "no line", "one ForecastRequest per line")])
+        raise InvalidInput.of("no trips", "body", "no line", "one ForecastRequest per line")
     return lines
 
 

@@ -13,7 +13,7 @@ from fastapi import Query
 from starlette.requests import Request
 from starlette.responses import Response
 
-from tripwatt.errors import Fault
+from tripwatt.errors import InvalidInput
 from tripwatt.server.cars.documents import LiveResponse
 from tripwatt.server.cars.live_car import VALID_NAME
 from tripwatt.server.cars.telemetry import sample_from_abrp
@@ -31,7 +31,7 @@ from tripwatt.server.http.openapi import (
     request_content,
     response_content,
 )
-from tripwatt.server.http.problems import Problem, invalid_input
+from tripwatt.server.http.problems import Problem
 from tripwatt.server.http.schemas import json_object, parse_json
 from tripwatt.server.http.service import Called, json_response, media_type
 
@@ -246,7 +246,9 @@ def message_of(body: bytes, kind: str) -> dict[str, Any]:
     Raises
     ------
     Problem
-        `not-json`, or `invalid-input` for JSON that is not an object and for a form that is not valid.
+        `not-json`.
+    InvalidInput
+        For JSON that is not an object, and for a form that is not valid.
 
     Examples
     --------
@@ -258,8 +260,8 @@ def message_of(body: bytes, kind: str) -> dict[str, Any]:
     try:
         return dict(parse_qsl(body.decode("utf-8"), max_num_fields=MAX_FORM_FIELDS))
     except ValueError as error:
-        fault = Fault("not a form", "body", f"{error}"[:80], "the fields token and tlm")
-        raise invalid_input([fault]) from error
+        allowed = "the fields token and tlm"
+        raise InvalidInput.of("not a form", "body", f"{error}"[:80], allowed) from error
 
 
 def given_token(message: Mapping[str, Any], request: Request, of_query: str | None) -> str:

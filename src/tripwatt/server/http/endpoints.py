@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import inspect
-import math
 from collections.abc import AsyncIterator
 from typing import Annotated, Any, Final, get_type_hints
 
@@ -45,7 +44,10 @@ Longitude = Annotated[float, Query(ge=-180.0, le=180.0, allow_inf_nan=False)]
 Zoom = Annotated[int, PathValue(ge=0, le=MAX_ZOOM)]
 TileNumber = Annotated[int, PathValue(ge=0, lt=2**MAX_ZOOM)]
 MeanSpeed = Annotated[
-    float | None, Query(gt=0, le=70, description="mean speed [m/s] of a track without times and speeds")
+    float | None,
+    Query(
+        gt=0, le=70, allow_inf_nan=False, description="mean speed [m/s] of a track without times and speeds"
+    ),
 ]
 NameStart = Annotated[
     str, Query(min_length=1, max_length=200, description="start of a name, a street, a house")
@@ -66,19 +68,16 @@ monitoring = new_router("operation", refuses_unknown=False)
 """Routers by tag; operations for monitoring ignore unknown parameters."""
 
 
-def _add_job(router: APIRouter, path: str, kind: str, answer: type[Any], *, has_fields: bool = False) -> None:
+def _add_job(router: APIRouter, path: str, kind: str, answer: type[Any]) -> None:
     """Add the operation of a job that needs only a body; request and description are those of the job."""
     job = getattr(Jobs, kind)
 
-    async def respond(call: Called) -> Response:
-        return await call.body_job(kind)
-
-    async def respond_with_fields(call: Called, fields: Fields = None) -> Response:
+    async def respond(call: Called, fields: Fields = None) -> Response:
         return await call.body_job(kind, fields=fields)
 
     router.add_api_route(
         path,
-        respond_with_fields if has_fields else respond,
+        respond,
         methods=["POST"],
         name=kind,
         description=inspect.getdoc(job),
@@ -87,8 +86,8 @@ def _add_job(router: APIRouter, path: str, kind: str, answer: type[Any], *, has_
     )
 
 
-_add_job(forecasts, "/v1/forecast", "forecast", ForecastResponse, has_fields=True)
-_add_job(forecasts, "/v1/forecast/update", "update", ForecastResponse, has_fields=True)
+_add_job(forecasts, "/v1/forecast", "forecast", ForecastResponse)
+_add_job(forecasts, "/v1/forecast/update", "update", ForecastResponse)
 _add_job(forecasts, "/v1/forecast/difference", "difference", journey.DifferenceDocument)
 _add_job(forecasts, "/v1/advice", "advice", journey.AdviceResponse)
 
@@ -120,11 +119,10 @@ async def batch(call: Called, fields: Fields = None) -> Response:
 async def route(call: Called, speed_m_s: MeanSpeed = None) -> Response:
     """Read a route or a trip: GPX, KML, GeoJSON, the response of a router, links, or samples as CSV."""
     body = await call.read(tuple(UPLOADS))
-    speed = speed_m_s if speed_m_s is not None and math.isfinite(speed_m_s) else None
-    return await call.job("route", body, speed_m_s=speed)
+    return await call.job("route", body, speed_m_s=speed_m_s)
 
 
-_add_job(journeys, "/v1/journeys", "plan", journey.PlanResponse, has_fields=True)
+_add_job(journeys, "/v1/journeys", "plan", journey.PlanResponse)
 _add_job(journeys, "/v1/journeys/difference", "journey_difference", journey.DifferenceDocument)
 _add_job(journeys, "/v1/journeys/advice", "journey_advice", journey.AdviceResponse)
 _add_job(journeys, "/v1/reachable", "reach", journey.ReachResponse)

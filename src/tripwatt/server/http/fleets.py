@@ -69,7 +69,7 @@ def vehicle_model(fleet: FleetModel, request: schemas.CarRequest) -> ForecastMod
     return fleet.of_vehicle(car if new is None else None, car_model=new, driver=request.driver, cold=cold)
 
 
-class PlannedTripRequest(schemas.RoadRequest, schemas.DepartureRequest):
+class PlannedTripRequest(schemas.RoadRequest, schemas.TripRequest):
     """A trip that a vehicle of a fleet is to drive: its distance and kind of road, or its road; `soc` is the charge now."""
 
     car: str = Field(min_length=1, max_length=100)
@@ -108,7 +108,7 @@ class NightRequest(schemas.StrictModel):
     trips: list[PlannedTripRequest] = Field(min_length=1, max_length=500)
     probability: float = Field(0.95, ge=0.5, le=0.999)
     """probability with which the energy of a trip suffices"""
-    reserve: float = schemas.reserve_field()
+    reserve: schemas.Reserve = 0.1
     plug_w: float = Field(PLUG_W, gt=0.0, le=400_000.0)
     """power of a charger [W]"""
     begins_at: AwareDatetime | None = Field(None, strict=False)

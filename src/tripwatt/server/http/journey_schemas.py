@@ -58,16 +58,23 @@ class DifferenceDocument(schemas.ResponseModel):
     by_cause_wh: dict[str, float]
 
 
-class JourneyInShort(schemas.ResponseModel):
-    """A journey with its stops to charge."""
+class JourneyTotals(schemas.ResponseModel):
+    """Time, energy and charge of a journey with its stops to charge."""
 
     duration_s: float
     """driving and charging [s]"""
-    charges: int
     energy_wh: float
+    """expected energy of the whole journey [Wh]"""
     soc_arrival: float
+    """expected displayed state of charge at the destination, 0 to 1"""
     p_reserve: float
-    """chance to have the reserve at every stop and at the end"""
+    """probability to have the reserve at every stop and at the end"""
+
+
+class JourneyInShort(JourneyTotals):
+    """A journey with its stops to charge."""
+
+    charges: int
 
 
 class AdvisedDocument(schemas.ResponseModel):
@@ -146,7 +153,7 @@ Stop = Annotated[str, Field(min_length=1, max_length=200)] | PlaceRequest
 """A place: its name, latitude and longitude as text, or an object."""
 
 
-class JourneyCar(schemas.DepartureRequest, schemas.CarRequest):
+class JourneyCar(schemas.TripRequest, schemas.CarRequest):
     """The car, and what is known at departure."""
 
 
@@ -154,7 +161,7 @@ class PlanRequest(JourneyCar):
     """A journey: places in their order, the car, and what is known at departure."""
 
     stops: list[Stop] = Field(min_length=2, max_length=20)
-    reserve: float = schemas.reserve_field()
+    reserve: schemas.Reserve = 0.1
     alternatives: int = Field(0, ge=0, le=3)
     """other roads beside the fastest"""
     round_trip: bool = False
@@ -195,17 +202,17 @@ class ReachRequest(JourneyCar):
     """A start, the car, and what is known at departure."""
 
     start: Stop
-    reserve: float = schemas.reserve_field()
+    reserve: schemas.Reserve = 0.1
 
 
-class RangeQuery(JourneyCar):
+class RangeQuery(schemas.DepartureRequest, schemas.CarRequest):
     """A charge, the kind of road and the car, which may be figures as JSON."""
 
     model_config = ConfigDict(strict=False)  # values of a URL are texts
 
     kind: Literal["city", "country", "motorway", "mixed"] = "mixed"
     """kind of road; mixed: nothing is known of it"""
-    reserve: float = schemas.reserve_field()
+    reserve: schemas.Reserve = 0.1
     """displayed state of charge to keep; of the next trip of a car on the road, by default that of its plan"""
 
     @field_validator("car", mode="before")
@@ -358,25 +365,17 @@ class CourseDocument(schemas.ResponseModel):
     high: list[float]
 
 
-class ChargingDocument(schemas.ResponseModel):
+class ChargingDocument(JourneyTotals):
     """A plan with stops to charge."""
 
     p_arrive: float
     """probability that the battery is empty nowhere; `p_arrive` of the journey is another one"""
-    p_reserve: float
-    """probability to have the reserve at every stop and at the end"""
-    soc_arrival: float
-    """expected displayed state of charge at the destination, 0 to 1"""
     soc_interval: list[float]
     """90 % interval of the charge at the destination"""
     driving_s: float
     """on the road [s]"""
     charging_s: float
     """at stations, with overheads [s]"""
-    duration_s: float
-    """driving and charging [s]"""
-    energy_wh: float
-    """expected energy of the whole journey [Wh]"""
     label: str = Field(description='"fastest", "fewest stops", "safest", "cheapest" or "best effort"')
     stops: list[ChargingStop]
     energy_interval_wh: list[float]

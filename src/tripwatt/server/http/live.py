@@ -266,7 +266,7 @@ class LiveCars:
             Result of the forecast at departure; the plan is set if the status is 200. If the road cannot be made of stops or a route, the
             result of that.
         """
-        beside = {name: plan.get(name) for name in ("departs_at", "destination")}
+        beside = {name: plan.get(name) for name in ("departs_at", "departure", "destination")}
         departs_at = check_request(beside, LivePlanRequest).departs_at
         departure_s = None if departs_at is None else departs_at.timestamp()
         if plan.get("stops") is not None or plan.get("route") is not None:
@@ -277,6 +277,8 @@ class LiveCars:
         checked = await self.pool.run({"kind": "forecast"}, orjson.dumps(self.with_own_model(car, plan)))
         if checked.status == 200:
             try:
+                departure = plan.pop("departure", None) or {}
+                plan |= {name: value for name, value in departure.items() if value is not None}
                 await self.run(car.set_plan, plan, departure_s)
             except OSError as error:
                 raise self._not_stored("plan", car, error) from error

@@ -14,9 +14,8 @@ import secrets
 import time
 from collections.abc import Callable, Sequence
 from typing import Any, Final
-from urllib.parse import parse_qsl
 
-from starlette.datastructures import Headers, MutableHeaders
+from starlette.datastructures import Headers, MutableHeaders, QueryParams
 from starlette.responses import RedirectResponse
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from uvicorn.middleware.proxy_headers import ProxyHeadersMiddleware
@@ -125,9 +124,9 @@ class ServiceMiddleware:
         if scope["method"] not in SAFE_METHODS or path.startswith(TOKEN_PATHS):
             _check_site(headers, self.settings.cors_origins)
         if self.token and path.startswith(TOKEN_PATHS) and path not in CAR_TOKEN_PATHS:
-            query = dict(parse_qsl(scope["query_string"])) if path.endswith("/events") else {}
-            of_query = [f"Bearer {query[b'token'].decode('latin-1')}"] if b"token" in query else []
-            self._check_token(headers.getlist("authorization") or of_query)
+            query = scope["query_string"] if path.endswith("/events") else ""
+            tokens = [f"Bearer {token}" for token in QueryParams(query).getlist("token")]
+            self._check_token(headers.getlist("authorization") or tokens)
 
     def _check_host(self, hosts: list[str]) -> None:
         allowed = self.settings.hosts

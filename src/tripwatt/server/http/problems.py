@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, Final
 
@@ -123,11 +123,6 @@ def json_pointer(where: str) -> str | None:
     if where.startswith(OUTSIDE) or not IN_BODY.fullmatch(where):
         return None
     return "/" + re.sub(r"\[(\d+)\]", r".\1", where).replace(".", "/")
-
-
-def invalid_input(faults: Sequence[Fault]) -> Problem:
-    """Return the problem of an input with faults."""
-    return Problem("invalid-input", faults=tuple(faults))
 
 
 def problem_of(error: Problem | InvalidInput) -> Problem:

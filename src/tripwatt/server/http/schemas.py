@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import replace
 from types import NoneType
-from typing import TYPE_CHECKING, Annotated, Any, Final, Literal, TypeVar
+from typing import TYPE_CHECKING, Annotated, Any, Final, Literal, Self, TypeVar
 
 import numpy as np
 import orjson
@@ -93,12 +93,12 @@ def _checked_by(check: Callable[[Any, Limits], Any], documented: Any) -> PlainVa
 
 
 @contextmanager
-def _collect_faults() -> Iterator[None]:
-    """Raise faults as an error of pydantic, which collects them with its own for `faults_of`."""
+def _collect_faults(*, whole: bool = False) -> Iterator[None]:
+    """Raise faults as an error of pydantic, which collects them with its own for `faults_of`; `whole`: of a whole model, not of a field."""
     try:
         yield
     except InvalidInput as error:
-        raise PydanticCustomError(FAULTS, "faults", {"faults": error.faults}) from error
+        raise PydanticCustomError(FAULTS, "faults", {"faults": error.faults, "whole": whole}) from error
 
 
 def parse_samples(value: Any, limits: Limits) -> pd.DataFrame:
@@ -244,25 +244,15 @@ Links = Annotated[Any, _checked_by(parse_links, Annotated[list[Link], Field(min_
 """Fields whose values are checked as whole tables, not one object at a time; a checked request has a table and a `LinkRoute`."""
 
 
-def reserve_field() -> Any:
-    """Return the field `reserve`; null stands for its default."""
-
-    def or_null(schema: dict[str, Any]) -> None:
-        number = {name: schema.pop(name) for name in ("type", "minimum", "maximum")}
-        schema["anyOf"] = [number, {"type": "null"}]
-
-    return _number_field(QUANTITIES, "reserve", 0.1, json_schema_extra=or_null)
+_Share = Annotated[float, _number_field(QUANTITIES, "reserve", ...)]
+Reserve = Annotated[_Share, BeforeValidator(lambda given: 0.1 if given is None else given, _Share | None)]
+"""Type of the field `reserve`, whose default is 0.1; null stands for that."""
 
 
 class StrictModel(BaseModel):
     """Base of documents in requests: no unknown fields, no texts for numbers, no infinities."""
 
     model_config = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False, use_attribute_docstrings=True)
-
-    @field_validator("reserve", mode="before", check_fields=False)
-    @classmethod
-    def _null_is_the_default(cls, value: Any, info: ValidationInfo) -> Any:
-        return cls.model_fields[f"{info.field_name}"].default if value is None else value
 
 
 class Elevation(StrictModel):
@@ -378,6 +368,23 @@ else:
     )
 
 
+class TripRequest(DepartureRequest):
+    """What is known at departure, as fields of the request or as its `departure`."""
+
+    departure: DepartureRequest | None = None
+    """the same fields together, as a `Departure` of Python"""
+
+    @model_validator(mode="after")
+    def _take_departure(self) -> Self:
+        given = {} if self.departure is None else self.departure.model_dump(exclude_none=True)
+        twice = (name for name in given if getattr(self, name) is not None)
+        with _collect_faults(whole=True):
+            raise_faults(Fault("given twice", f"departure.{name}", "", "one of the two") for name in twice)
+        for name, value in given.items():
+            setattr(self, name, value)
+        return self
+
+
 def departure_of(request: DepartureRequest) -> Departure:
     """Return the departure of a request."""
     fields = {name: getattr(request, name) for name in ASKED if name in type(request).model_fields}
@@ -403,7 +410,7 @@ class RoadRequest(StrictModel):
         speed = given.get("speed_m_s")
         if speed is not None and not (type(speed) in NUMBER_TYPES and 0.0 < speed <= 70.0):
             return given  # its field has the fault
-        with _collect_faults():
+        with _collect_faults(whole=True):
             if any(given.get(name) is not None for name in ("samples", "links", "elevation")):
                 got = "route beside links, samples or elevation"
                 raise InvalidInput.of("no single trip", "route", got, "one of them")
@@ -428,12 +435,12 @@ class RoadRequest(StrictModel):
         return links.plan()
 
 
-class ForecastRequest(RoadRequest, DepartureRequest, CarRequest):
+class ForecastRequest(RoadRequest, TripRequest, CarRequest):
     """A trip to forecast: its road, and what is known at departure."""
 
     trip: str = Field("trip", min_length=1, max_length=100)
     """name of the trip in the response"""
-    reserve: float = reserve_field()
+    reserve: Reserve = 0.1
     probability: float | None = Field(None, ge=0.5, le=0.999)
     """with which the trip has to arrive with the reserve: the response has the charge to leave with; default: none is worked out"""
 
@@ -658,7 +665,8 @@ def faults_of(errors: Iterable[Mapping[str, Any]], known: Iterable[str]) -> Iter
     for number, error in enumerate(errors):
         steps = [step for step in error["loc"] if step not in (NAME, DOCUMENT)]
         if error["type"] == FAULTS:
-            inside = "".join(f"[{step}]" if isinstance(step, int) else f".{step}" for step in steps[:-1])
+            outer = steps if error["ctx"]["whole"] else steps[:-1]
+            inside = "".join(f"[{step}]" if isinstance(step, int) else f".{step}" for step in outer)
             for fault in error["ctx"]["faults"]:
                 yield replace(fault, where=f"{inside}.{fault.where}".lstrip("."))
             continue
