@@ -208,7 +208,7 @@ def test_every_unknown_field_is_named() -> None:
     assert [fault.got for fault in refused.value.faults] == ["'b'", "'c'"]
 
 
-@pytest.mark.parametrize("path", ["/v1/models", "/v1/vehicles", "/v1/examples", "/v1/map"])
+@pytest.mark.parametrize("path", ["/v1/models", "/v1/vehicles", "/v1/examples", "/v1/map", "/openapi.json"])
 def test_what_does_not_change_has_a_tag(service: Service, path: str) -> None:
     first = service.client.get(path)
     tag = first.headers["etag"]
@@ -400,6 +400,39 @@ def test_null_counts_as_left_out_wherever_the_document_allows_it(document: dict[
                     wrong.append(f"{model.__name__}.{place}")
     assert tried > 150
     assert wrong == []
+
+
+def test_places_lines_and_areas_have_one_form_each(document: dict[str, Any]) -> None:
+    """In every request and answer."""
+    schemas = document["components"]["schemas"]
+    forms: dict[str, set[str]] = {}
+    for name, schema in schemas.items():
+        fields = schema.get("properties", {})
+        if {"latitude_deg", "coordinates"} & fields.keys():
+            kind = fields.get("latitude_deg", {}).get("type", "area")
+            forms.setdefault({"number": "place", "array": "line"}.get(kind, kind), set()).add(name)
+        if "line" in fields:
+            assert fields["line"]["$ref"].endswith("/LineDocument"), name
+    assert forms.pop("place") == {"PlaceDocument", "PlaceRequest", "Station"}
+    assert forms == {"line": {"LineDocument"}, "area": {"PolygonDocument"}}
+
+
+WORDS = {
+    "ChargingDocument.label": "best effort",
+    "RoadDocument.labels": "least energy",
+    "NeedResponse.kind": "trip",
+    "KindRange.kind": "motorway",
+    "VehicleSummary.anchor": "road",
+    "HealthResponse.status": "ready",
+}
+"""Fields whose value is one of a few words, and one of these."""
+
+
+def test_words_are_enumerated(document: dict[str, Any]) -> None:
+    for place, word in WORDS.items():
+        of, _, name = place.partition(".")
+        schema = document["components"]["schemas"][of]["properties"][name]
+        assert word in schema.get("items", schema)["enum"], place
 
 
 def test_no_parameter_is_documented_as_null(document: dict[str, Any]) -> None:

@@ -93,6 +93,7 @@ def _make_api(service: Service) -> FastAPI:
         summary="Forecasts the battery energy of an electric-car trip with a prediction interval.",
         description=DESCRIPTION,
         redirect_slashes=False,  # a redirect would name the host that the request names, without the path of a proxy
+        openapi_url=None,  # an endpoint has it with its entity tag
         docs_url=None,  # the page of FastAPI loads scripts from another host
         redoc_url=None,
         servers=[{"url": settings.prefix}] if settings.prefix else None,

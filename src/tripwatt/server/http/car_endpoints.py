@@ -26,6 +26,7 @@ from tripwatt.server.http.openapi import (
     EVENTS,
     FORM,
     JSON,
+    TEXT,
     new_router,
     request_body,
     request_content,
@@ -42,12 +43,7 @@ MAX_FORM_FIELDS: Final = 20
 """Most fields of a form (a choice): a message has two."""
 
 LIVE_EVENTS: Final = response_content(
-    {
-        EVENTS: {
-            "schema": {"type": "string", "description": "events `live`; the data of each is a LiveResponse"}
-        }
-    },
-    "A stream of server-sent events",
+    {EVENTS: TEXT}, "A stream of server-sent events `live`; the data of each is a LiveResponse"
 )
 UPLOAD: Final = "/v1/cars/{car}/uploads/{upload}"
 

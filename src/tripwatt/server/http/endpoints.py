@@ -6,6 +6,7 @@ import inspect
 from collections.abc import AsyncIterator
 from typing import Annotated, Any, Final, get_type_hints
 
+import orjson
 from fastapi import APIRouter, Query, Response
 from fastapi import Path as PathValue
 from prometheus_client import CONTENT_TYPE_LATEST
@@ -222,6 +223,12 @@ async def readyz(call: Called) -> Response:
     if not call.service.pool.ready:
         raise Problem("busy", "no worker is ready", headers={"Retry-After": "1"})
     return json_response({"status": "ready", "workers": call.service.pool.ready})
+
+
+@monitoring.get("/openapi.json", include_in_schema=False)
+async def get_openapi(call: Called) -> Response:
+    """Return the OpenAPI document."""
+    return call.with_entity_tag(orjson.dumps(call.request.app.openapi()))
 
 
 @monitoring.get(

@@ -6,7 +6,7 @@ import datetime as dt
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 from pydantic import AwareDatetime, Field
 
@@ -78,7 +78,7 @@ class PlannedTripRequest(schemas.RoadRequest, schemas.TripRequest):
     departs_at: AwareDatetime = Field(strict=False)
     """with its time zone"""
     distance_km: float | None = Field(None, ge=0.5, le=2000.0)
-    kind: Literal["city", "country", "motorway", "mixed"] = "mixed"
+    kind: schemas.RoadKind = "mixed"
     """kind of road of a distance; mixed: nothing is known of it"""
     car_model: str | None = Field(None, max_length=100)
     """one of /v1/vehicles, for a vehicle without trips"""

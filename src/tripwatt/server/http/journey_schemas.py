@@ -210,7 +210,7 @@ class RangeQuery(schemas.DepartureRequest, schemas.CarRequest):
 
     model_config = ConfigDict(strict=False)  # values of a URL are texts
 
-    kind: Literal["city", "country", "motorway", "mixed"] = "mixed"
+    kind: schemas.RoadKind = "mixed"
     """kind of road; mixed: nothing is known of it"""
     reserve: schemas.Reserve = 0.1
     """displayed state of charge to keep; of the next trip of a car on the road, by default that of its plan"""
@@ -246,7 +246,7 @@ class NeedResponse(schemas.ResponseModel):
     """its name"""
     title: str
     distance_m: float
-    kind: str
+    kind: Literal[schemas.RoadKind, "trip"]
     """kind of road; "trip" for the plan of a car and for a usual trip"""
     usual_trip: str | None
     """name of the earlier trip whose road this is"""
@@ -302,7 +302,7 @@ class FarDocument(schemas.ResponseModel):
 class KindRange(FarDocument):
     """How far a charge carries on a kind of road."""
 
-    kind: str
+    kind: schemas.RoadKind
 
 
 class RangeResponse(FarDocument):
@@ -376,7 +376,7 @@ class ChargingDocument(JourneyTotals):
     """on the road [s]"""
     charging_s: float
     """at stations, with overheads [s]"""
-    label: str = Field(description='"fastest", "fewest stops", "safest", "cheapest" or "best effort"')
+    label: Literal["fastest", "fewest stops", "safest", "cheapest", "best effort"]
     stops: list[ChargingStop]
     energy_interval_wh: list[float]
     """90 % interval"""
@@ -391,7 +391,7 @@ class ChargingDocument(JourneyTotals):
 class RoadDocument(schemas.ResponseModel):
     """A road and its forecast."""
 
-    labels: list[str] = Field(description='of "fastest", "shortest", "least energy"')
+    labels: list[Literal["fastest", "shortest", "least energy"]]
     distance_m: float
     duration_s: float
     """driving [s]"""

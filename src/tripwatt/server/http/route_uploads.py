@@ -92,12 +92,11 @@ def _response(
         raise InvalidInput.of("too many samples", where, f"{len(samples)}", allowed)
     require_duration(float(time[-1] - time[0]), where, limits)
     raise_faults(time_faults(time, where))
-    flags = flags or gap_flags(time)
     return {
         "samples": columns_of(samples.rename(columns=BMS_SOC)),
         "links": None,
         "elevation": None,
         "duration_s": float(time[-1] - time[0]),
         "distance_m": float(np.trapezoid(speed, time)),
-        "notes": [flag_to_dict(flag) for flag in flags],
+        "notes": [flag_to_dict(flag) for flag in flags or gap_flags(time)],
     }

@@ -42,6 +42,7 @@ from tripwatt.server.http.settings import Limits
 from tripwatt.sources.canonical import MIN_SAMPLES, canonical_samples
 from tripwatt.trips import ASKED, COLUMNS, LINK_COLUMNS, QUANTITIES, Column, Departure, Plan
 from tripwatt.trips import Field as DepartureField
+from tripwatt.vehicles.vehicle import ANCHORS
 
 MIN_OBSERVED: Final = 2
 """Fewest measured samples of an update: one interval."""
@@ -253,6 +254,10 @@ class StrictModel(BaseModel):
     """Base of documents in requests: no unknown fields, no texts for numbers, no infinities."""
 
     model_config = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False, use_attribute_docstrings=True)
+
+
+RoadKind = Literal["city", "country", "motorway", "mixed"]
+"""Kind of a road that is not known."""
 
 
 class Elevation(StrictModel):
@@ -497,8 +502,8 @@ class VehicleValues(ResponseModel):
     """mass with a driver [kg]"""
     usable_energy_wh: float
     """energy between 0 and 1 of the displayed state of charge [Wh]"""
-    anchor: str
-    """what the values were held against: road_load (measured coast-down and certified consumption), certification (a consumption), class, or published (published values alone)"""
+    anchor: str = Field(json_schema_extra={"enum": [*ANCHORS]})
+    """what the values were held against: road_load (measured coast-down and certified consumption), certification (a consumption), class, road (they hold for it), or published (published values alone)"""
 
 
 class VehicleSummary(VehicleValues):
@@ -599,7 +604,7 @@ class RouteResponse(ResponseModel):
 class HealthResponse(ResponseModel):
     """State of the service."""
 
-    status: str
+    status: Literal["alive", "ready"]
     workers: int
     """number of worker processes that are ready"""
 

@@ -254,7 +254,7 @@ class Call:
             if response.status_code != 200:
                 raise Problem("internal")  # without input there is nothing to correct
             documents[key] = bytes(response.body)
-        return self.with_entity_tag(documents[key], JSON)
+        return self.with_entity_tag(documents[key])
 
     async def about_models(self, kind: str) -> Response:
         """Return a document about models, which changes while the service runs only if it follows the models of fleets."""
@@ -267,7 +267,7 @@ class Call:
         problem = {**orjson.loads(result.content), "instance": request_id(self.request)}
         return Response(orjson.dumps(problem), result.status, media_type=MEDIA_TYPE)
 
-    def with_entity_tag(self, content: bytes, media_type: str) -> Response:
+    def with_entity_tag(self, content: bytes, media_type: str = JSON) -> Response:
         """Return a document that seldom changes with its entity tag; status 304 without content if the client has it already."""
         tag = f'W/"{hashlib.sha256(content).hexdigest()[:20]}"'
         headers = {"ETag": tag, "Cache-Control": "no-cache"}
