@@ -288,8 +288,8 @@ def test_the_newest_trips_of_a_diary_come_first(jobs: Jobs) -> None:
 def test_a_diary_is_read_in_parts(jobs: Jobs) -> None:
     newest, *older = jobs.cars.show("leaf")["diary"]
     assert len(older) == 2
-    assert jobs.cars.show("leaf", before=newest["trip_id"])["diary"] == older
-    assert jobs.cars.show("leaf", limit=1, before=newest["trip_id"])["diary"] == older[:1]
+    assert jobs.cars.show("leaf", before=newest["trip"])["diary"] == older
+    assert jobs.cars.show("leaf", limit=1, before=newest["trip"])["diary"] == older[:1]
     assert (
         jobs.cars.show("leaf", limit=0)["diary"]
         == jobs.cars.show("leaf", before="no such trip")["diary"]

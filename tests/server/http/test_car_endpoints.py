@@ -296,7 +296,7 @@ def test_what_cannot_be_a_car_is_refused(service: Service, body: dict[str, Any],
 def test_a_car_by_figures_has_a_model_at_once(service: Service) -> None:
     body = {"name": "by-figures", "car": {"mass_kg": 1900.0, "usable_battery_kwh": 70.0}}
     made = service.client.post("/v1/cars", json=body).json()
-    assert made["vehicle"]
+    assert made["car"]
     request = {"links": LINKS, "soc": 0.9, "car": "by-figures"}
     assert service.client.post("/v1/forecast", json=request).json()["energy_wh"] > 1500.0
     model = service.client.get("/v1/models").json()["models"][0]["name"]

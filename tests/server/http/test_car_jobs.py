@@ -99,7 +99,7 @@ def test_progress_is_that_of_its_file(
 def test_one_of_several_calls_at_once_makes_a_car(tmp_path: Path) -> None:
     def make(title: str) -> str:
         try:
-            return f"{CarJobs(tmp_path).create('my leaf', title)['vehicle']}"
+            return f"{CarJobs(tmp_path).create('my leaf', title)['car']}"
         except Problem as problem:
             return problem.kind
 
@@ -107,7 +107,7 @@ def test_one_of_several_calls_at_once_makes_a_car(tmp_path: Path) -> None:
         found = sorted(threads.map(make, ["nissan_leaf_24", "vw_id3"] * 3))
     assert found[0:5] == ["name-taken"] * 5
     assert found[5] in ("nissan_leaf_24", "vw_id3")
-    assert CarJobs(tmp_path).list()["cars"][0]["vehicle"] == found[5]
+    assert CarJobs(tmp_path).list()["cars"][0]["car"] == found[5]
 
 
 @pytest.mark.parametrize("step", ["folder", "file", "tables"])

@@ -154,7 +154,7 @@ def test_a_trip_of_the_road_enters_the_diary_and_teaches_without_a_restart(
         assert 0.0 < shown["soc"] <= 1.0
         assert wait_for(lambda: len(diary(service)) == 1)
         (row,) = diary(service)
-        assert [row["trip_id"]] == [log.trip_id for log in open_car(cars / "leaf").logs()]
+        assert [row["trip"]] == [log.trip_id for log in open_car(cars / "leaf").logs()]
         first, *later = row["on_the_way"]
         assert (first["at_s"], first["energy_wh"]) == (0.0, pytest.approx(at_departure["energy_wh"]))
         assert later[0]["energy_wh"] == pytest.approx(shown["forecast"]["energy_wh"])

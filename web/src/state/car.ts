@@ -65,13 +65,13 @@ export function chooseModel(name: string): void {
  */
 export function chooseFirst(
   last: Partial<Car> | undefined,
-  owned: readonly Pick<OwnCarSummary, "name" | "vehicle" | "title">[] = [],
+  owned: readonly Pick<OwnCarSummary, "name" | "car" | "title">[] = [],
 ): void {
   const known = models.value.find(({ name }) => name === last?.model) ?? models.value[0];
   if (!known) return;
   car.value = { model: known.name, vehicle: known.model.vehicle };
   const own = owned.find(({ name }) => (last ? name === last.own : owned.length === 1));
-  if (own) chooseOwn(own.name, own.vehicle, own.title);
+  if (own) chooseOwn(own.name, own.car, own.title);
   else if (last?.figures && last.title)
     car.value = { model: known.name, vehicle: DESCRIBED, figures: last.figures, title: last.title };
   else if (vehicles.value.some(({ name }) => name === last?.vehicle))

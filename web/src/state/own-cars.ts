@@ -101,7 +101,7 @@ export async function dropCar(name: string): Promise<void> {
 export const tokenOf = (name: string) => asked(() => newCarToken(name));
 
 /** Use the shown car for the forecasts of the page. */
-export function useCar({ name, vehicle: of, title }: OwnCarSummary): void {
+export function useCar({ name, car: of, title }: OwnCarSummary): void {
   chooseOwn(name, of, title);
 }
 

@@ -134,9 +134,9 @@ function Trips({ of }: { of: OwnCar }) {
   return (
     <DataTable label={words.diary} class="diary with-picture" heads={heads}>
       {of.diary.map((row) => (
-        <tr key={row.trip_id}>
+        <tr key={row.trip}>
           <th scope="row">
-            {row.started_at ? day.format(new Date(row.started_at)) : row.trip_id}
+            {row.started_at ? day.format(new Date(row.started_at)) : row.trip}
             {row.ambient_temperature_degc !== null && (
               <span class="note"> {shown(row.ambient_temperature_degc, units.value.temperature)}</span>
             )}

@@ -104,10 +104,9 @@ class CarJobs:
         """Return a car and the last `limit` entries of its diary, those before a trip, as `CarResponse` without `learning`."""
         car = self.car(name)
         diary = car.diary
-        description = car.about(diary)
         table = diary.table if before is None else diary.table[: diary.table["trip_id"].eq(before).argmax()]
         rows = table.tail(limit).iloc[::-1].to_dict("records")
-        return {**_summary(description, CarResponse), "diary": [_diary_entry(row, car) for row in rows]}
+        return {**_summary(car.about(diary), CarResponse), "diary": [_diary_entry(row, car) for row in rows]}
 
     def create(self, name: str, vehicle: Vehicle | str) -> dict[str, Any]:
         """Make a car, and return it as `show`."""
@@ -381,7 +380,7 @@ def _diary_entry(row: Mapping[Hashable, Any], car: Car) -> dict[str, Any]:
     causes = {name: values.pop(column) for column, name in causes_of(values).items()}
     known = {name: value for name, value in causes.items() if value is not None}
     made = [asdict(forecast) for forecast in car.forecasts_of(f"{row['trip_id']}")]
-    return {**values, "by_cause_wh": known, "on_the_way": made}
+    return {"trip": values.pop("trip_id"), **values, "by_cause_wh": known, "on_the_way": made}
 
 
 def _learned_document(learned: Learned) -> dict[str, Any]:
@@ -390,7 +389,8 @@ def _learned_document(learned: Learned) -> dict[str, Any]:
 
 def _summary(about: Mapping[str, Any], model: type[BaseModel]) -> dict[str, Any]:
     """Return the fields of `Car.about` that a response has, with the name of the car."""
-    return {"name": about["car"], **{key: about[key] for key in model.model_fields if key in about}}
+    fields = {key: about[key] for key in model.model_fields if key in about}
+    return {**fields, "name": about["car"], "car": about["vehicle"]}
 
 
 def _sizes(folder: Path) -> list[int]:

@@ -201,7 +201,7 @@ class LearnedParameter(ResponseModel):
 class DiaryEntry(ResponseModel):
     """A trip as it was forecast before the model was adapted to it, and what it took."""
 
-    trip_id: str
+    trip: str
     started_at: str
     """ISO 8601; empty where unknown"""
     trips_learned: int
@@ -252,7 +252,8 @@ class CarSummary(ResponseModel):
     """of its folder and its model"""
     label: str
     """as its owner calls it"""
-    vehicle: str
+    car: str
+    """one of /v1/vehicles, or of its description"""
     title: str
     trips: int
     """logs in its store"""
