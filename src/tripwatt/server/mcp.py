@@ -31,7 +31,7 @@ LEFT_OUT: Final = ("series", "samples", "line", "course", "links", "learning", "
 EXACT: Final = ("latitude_deg", "longitude_deg", "coordinates")
 """Fields of answers that are not rounded: four digits of a degree are a kilometre or more."""
 
-NOT_ASKED: Final = ("x-", "samples", "elevation", "Elevation", "covariates", "title")
+NOT_ASKED: Final = ("x-", "samples", "elevation", "Elevation", "covariates", "title", "departure", "Departure")
 """Beginnings of the names of what the schema of a request leaves out: parts of a form, names for people, and what has thousands of numbers."""
 
 
