@@ -183,8 +183,10 @@ def follower_of(
 ) -> Follower:
     """Follows cars in this process, without a service."""
 
-    async def take(name: str, sample: Sample) -> None:
-        cars[name].record(sample)
+    async def take(name: str, read: Callable[[], Sample | None]) -> None:
+        sample = read()
+        if sample is not None:
+            cars[name].record(sample)
 
     async def documents() -> dict[str, Mapping[str, Any]]:
         return {name: dict(car.document(time.time())) for name, car in cars.items()}

@@ -33,7 +33,7 @@ import aiomqtt
 from tests.support.drives import example_trip
 
 import tripwatt as tw
-from tripwatt.errors import InvalidInput
+from tripwatt.errors import Fault, InvalidInput
 from tripwatt.server.cars import following
 from tripwatt.server.cars.car import Car
 from tripwatt.server.cars.discovery import SENSORS, discovery
@@ -165,12 +165,14 @@ def test_a_client_that_loses_a_cancellation_delays_no_end(
             await asyncio.sleep(60.0)
             yield
 
+    async def nothing(*_: object) -> None: ...
+
     async def documents() -> dict[str, Any]:
         return {"leaf": {"seconds_since_message": time.monotonic(), "k": time.monotonic()}}
 
     async def run() -> None:
         settings = MqttSettings(Broker("127.0.0.1", 1883), {"leaf": ("ovms", "o/m/l/metric")})
-        follower = following.Follower(settings, None, documents, None, print, every_s=0.0)  # type: ignore[arg-type]
+        follower = following.Follower(settings, nothing, documents, nothing, print, every_s=0.0)
         monkeypatch.setattr(follower, "_client", Losing)
         task = asyncio.ensure_future(follower.follow())
         await asyncio.sleep(delay_s)
@@ -293,10 +295,15 @@ class Followed:
             raise aiomqtt.MqttError("x" * 300)
         return found
 
-    async def take(self, name: str, sample: Sample) -> None:
-        if sample.values["speed_m_s"] > 50.0:
-            raise InvalidInput.of("y" * 300, "speed_m_s")
+    async def take(self, name: str, read: Callable[[], Sample | None]) -> dict[str, Any] | None:
+        try:
+            sample = read()
+        except InvalidInput as refused:
+            return {"car": name, "faults": [fault.what for fault in refused.faults]}
+        if sample is None:
+            return None
         self.taken.append((name, sample))
+        return {"car": name, "faults": [fault.where for fault in sample.faults]} if sample.faults else None
 
     async def documents(self) -> dict[str, dict[str, Any]]:
         return {}
@@ -356,7 +363,6 @@ def test_a_message_is_of_the_car_whose_topic_it_is_below(monkeypatch: pytest.Mon
     client = Client(
         message("cars/leaf2", 3.0),
         message("cars/leaf", 4.0),
-        message("cars/leaf", 60.0),
         message("x/leaf", 5.0),
         aiomqtt.Message("tripwatt/zoe/plan/set", b'{"links": []}', 1, False, 1, None),
         aiomqtt.Message("tripwatt/zoe/plan/set", b"kept", 1, True, 1, None),
@@ -367,11 +373,41 @@ def test_a_message_is_of_the_car_whose_topic_it_is_below(monkeypatch: pytest.Mon
         ("zoe", 3.0),
         ("leaf", 4.0),
     ]
-    refused, lost = found.notes
-    assert refused == (f"leaf: message not stored: {'y' * 300}")[:200]
-    assert lost == "192.0.2.7:1883: gone"
+    assert found.notes == ["192.0.2.7:1883: gone"]
     assert found.plans == [("zoe", b'{"links": []}')]
-    assert client.acknowledged == [(1, 1)] * 6  # also one that cannot be stored
+    assert client.acknowledged == [(1, 1)] * 5
+
+
+def test_what_is_wrong_with_messages_is_published_once_in_the_time_between_two_states(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def faulty(speed: str) -> aiomqtt.Message:
+        return aiomqtt.Message("cars/leaf", f'{{"speed": "{speed}"}}'.encode(), 1, False, 1, None)
+
+    last = aiomqtt.Message("cars/leaf", b"{", 1, False, 1, None)
+    client, waits = Client(*map(faulty, ["1e9"] * 1000), last), 0
+    found = Followed(monkeypatch, [client], 1)
+    found.follow()
+    assert client.acknowledged == [(1, 1)] * 1001  # none comes again
+    client.sent.clear()
+
+    async def sleep(seconds: float) -> None:
+        nonlocal waits
+        waits += 1
+        assert seconds == found.follower.every_s
+        if waits == 4:
+            raise asyncio.CancelledError
+        if waits == 3:
+            await found.follower._take("zoe", lambda: Sample(NOON_S, faults=(Fault("x", "soc"),)))
+
+    monkeypatch.setattr(asyncio, "sleep", sleep)
+    with pytest.raises(asyncio.CancelledError):
+        asyncio.run(found.follower._publish_cars(client))  # type: ignore[arg-type]
+    leaf, zoe = ('{"car": "leaf", "faults": ["not JSON"]}', '{"car": "zoe", "faults": ["soc"]}')
+    assert client.sent == [
+        ("tripwatt/leaf/telemetry/fault", leaf, 1, False),
+        ("tripwatt/zoe/telemetry/fault", zoe, 1, False),
+    ]
 
 
 def test_a_car_is_published_where_it_is_another_and_after_its_age(monkeypatch: pytest.MonkeyPatch) -> None:

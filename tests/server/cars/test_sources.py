@@ -50,7 +50,7 @@ def sent(source: str, table: pd.DataFrame) -> Iterator[tuple[str, bytes, float]]
             }
             yield from ((f"{ROOT}/{name}", text.encode(), time_s) for name, text in named.items())
         else:
-            clock = {made.time_field: time_s / made.time_unit_s} if made.time_field else {}
+            clock = {made.time_field: time_s / made.columns[made.time_field][1]} if made.time_field else {}
             yield ROOT, json.dumps({**fields, **clock}).encode(), time_s
 
 

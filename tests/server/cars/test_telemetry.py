@@ -94,7 +94,9 @@ def test_a_value_that_cannot_be_one_is_left_out_with_its_fault() -> None:
 @pytest.mark.parametrize(
     ("message", "what"),
     [
-        ({}, "missing field"),
+        ({}, "no known field"),
+        ({"token": "x"}, "no known field"),
+        ({"speed": 36}, "missing field"),
         ({"utc": None}, "missing field"),
         ({"utc": "now"}, "value out of range"),
         ({"utc": UTC * 1000}, "time out of range"),

@@ -10,8 +10,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tripwatt.errors import InvalidInput
-from tripwatt.server.cars.telemetry import Sample
+from tripwatt.errors import InvalidInput, or_none
+from tripwatt.server.cars.telemetry import Sample, format_of
 from tripwatt.server.cars.topics import SLOW_HOLD_S, TIME_WAIT_S, TopicJoiner
 
 T0 = 1_700_000_000.0
@@ -28,7 +28,6 @@ def tesla(joiner: TopicJoiner, metric: str, value: object, at_s: float = T0, **m
 
 def test_the_metrics_of_ovms_are_joined_by_the_time_of_the_car() -> None:
     joiner = TopicJoiner("ovms", OVMS + "/")
-    assert joiner.filter == f"{OVMS}/#"
     sent = {
         "m.time.utc": int(T0),
         "v.p.speed": 90,
@@ -139,41 +138,72 @@ def test_flags_are_those_of_the_sender() -> None:
     assert found == Sample(T0, {"speed_m_s": 0.0}, charging=True, parked=True)
 
 
-@pytest.mark.parametrize("payload", [b"", b"nan", b"inf", b"fast", b"-1", b"999", b"1" * 65, b"\xff"])
-def test_a_payload_that_is_no_value_is_left_out(payload: bytes) -> None:
+@pytest.mark.parametrize(
+    "payload", [b"nan", b"inf", b"fast", b"-1", b"999", b"1" * 65, b"1" * 10**6, b"\xff"]
+)
+def test_a_payload_that_is_no_value_is_left_out_with_the_fault_of_a_whole_message(payload: bytes) -> None:
     joiner = TopicJoiner("teslamate", TESLA)
     tesla(joiner, "battery_level", 50)
     assert joiner.take(f"{TESLA}/speed", payload, T0) is None
-    assert joiner.take("teslamate/cars/2/speed", b"36", T0) is None
-    assert joiner.take(f"{TESLA}/odometer", b"36", T0) is None
+    assert joiner.take("teslamate/cars/2/speed", b"-1", T0) is None
+    assert joiner.take(f"{TESLA}/odometer", b"-1", T0) is None
     found = joiner.flush()
-    assert found == Sample(T0, {"soc": 0.5})
+    assert found is not None
+    assert (found.time_s, found.values) == (T0, {"soc": 0.5})
+    text = payload.decode("utf-8", "replace")[:64]
+    whole = format_of("teslamate").sample({"battery_level": 50, "speed": text}, T0)
+    assert found.faults == whole.faults
+    assert [fault.where for fault in found.faults] == ["speed"]
+    tesla(joiner, "battery_level", 50, T0 + 1.0)
+    assert joiner.flush() == Sample(T0 + 1.0, {"soc": 0.5}), "a fault is told once"
 
 
-def test_a_time_or_a_power_that_cannot_be_one_gives_no_sample() -> None:
-    joiner = TopicJoiner("ovms", OVMS)
-    ovms(joiner, "m.time.utc", 5)
-    ovms(joiner, "v.p.speed", 36)
+@pytest.mark.parametrize("payload", [b"", b"unknown", b"Unavailable", b"None", b"null"])
+def test_a_text_for_a_missing_value_is_no_fault(payload: bytes) -> None:
+    joiner = TopicJoiner("teslamate", TESLA)
+    assert joiner.take(f"{TESLA}/speed", payload, T0) is None
     assert joiner.flush() is None
-    ovms(joiner, "m.time.utc", "now")
-    tesla_joiner = TopicJoiner("teslamate", TESLA)
-    tesla(tesla_joiner, "power", 1e9)
-    assert tesla_joiner.flush() is None
+    message = {"battery_level": 50, "speed": payload.decode()}
+    assert format_of("teslamate").sample(message, T0) == Sample(T0, {"soc": 0.5})
+
+
+def test_a_time_that_cannot_be_one_is_refused_and_the_next_one_counts() -> None:
+    joiner = TopicJoiner("ovms", OVMS)
+    ovms(joiner, "m.time.utc", 1000.0 * T0)
+    ovms(joiner, "v.p.speed", 36)
+    with pytest.raises(InvalidInput, match="milliseconds"):
+        ovms(joiner, "m.time.utc", T0)
+    with pytest.raises(InvalidInput, match=r"m\.time\.utc"):
+        ovms(joiner, "m.time.utc", "now")
+    ovms(joiner, "v.p.speed", 72)
+    assert joiner.flush() == Sample(T0, {"speed_m_s": 20.0})
+
+
+def test_a_value_that_cannot_be_one_gives_a_sample_that_is_counted_as_faulty() -> None:
+    joiner = TopicJoiner("teslamate", TESLA)
+    tesla(joiner, "power", 1e9)
+    found = joiner.flush()
+    assert found is not None
+    assert (dict(found.values), [fault.where for fault in found.faults]) == ({}, ["power"])
 
 
 def test_messages_of_abrp_come_in_one_topic() -> None:
     joiner = TopicJoiner("abrp", "car/tlm")
-    assert joiner.filter == "car/tlm/#"  # with the topic itself
     message = {"utc": T0, "speed": 36}
     for content in (message, {"tlm": message}):
         assert joiner.take("car/tlm", json.dumps(content).encode(), 0.0) == Sample(T0, {"speed_m_s": 10.0})
     assert joiner.take("car/tlm", json.dumps(message).encode(), 0.0, retained=True) is None
-    for payload in (b"{", b"[]", b"{}", b"7", b"\xff", b"[" * 65_537, b"[" * 60_000):
-        assert joiner.take("car/tlm", payload, T0) is None
-    noted: list[InvalidInput] = []
-    joiner.note = noted.append
-    assert joiner.take("car/tlm", json.dumps({"utc": 1000.0 * T0}).encode(), T0) is None
-    assert "milliseconds" in f"{noted[0]}"
+    assert joiner.take("car/tlm", b"", T0) is None, "as a kept message is erased"
+    for payload, what in (
+        *((text, "not JSON") for text in (b"{", b"\xff", b"[" * 65_537, b"[" * 60_000)),
+        *((text, "not an object") for text in (b"[]", b"7")),
+        *((text, "no known field") for text in (b"{}", b'{"token": "secret"}')),
+        (json.dumps({"utc": 1000.0 * T0}).encode(), "milliseconds"),
+    ):
+        with pytest.raises(InvalidInput, match=what) as refused:
+            joiner.take("car/tlm", payload, T0)
+        assert "secret" not in f"{refused.value}"
+        assert len(f"{refused.value}") < 400
     assert joiner.take("car/other", json.dumps(message).encode(), 0.0) is None
     assert joiner.flush() is None
 
@@ -221,8 +251,9 @@ METRICS = ["m.time.utc", "v.p.speed", "v.b.current", "v.b.voltage", "v.c.chargin
 
 
 @given(st.lists(st.tuples(st.sampled_from(METRICS), st.binary(max_size=6), st.floats(0, 100), st.booleans())))
-def test_any_values_give_samples_or_none(sent: list[tuple[str, bytes, float, bool]]) -> None:
+def test_any_values_give_samples_none_or_faults(sent: list[tuple[str, bytes, float, bool]]) -> None:
     joiner = TopicJoiner("ovms", OVMS)
     for metric, payload, later_s, retained in sent:
-        found = joiner.take(f"{OVMS}/{metric.replace('.', '/')}", payload, T0 + later_s, retained=retained)
+        topic = f"{OVMS}/{metric.replace('.', '/')}"
+        found = or_none(joiner.take, topic, payload, T0 + later_s, retained=retained)
         assert found is None or math.isfinite(found.time_s)

@@ -10,8 +10,9 @@ import sqlite3
 import time
 import urllib.parse
 from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import anyio
 import httpx
@@ -36,6 +37,7 @@ from tripwatt.server.cars.folder import create_car, issue_token, setting_of
 from tripwatt.server.cars.following import Broker, MqttSettings
 from tripwatt.server.cars.live_trip import SILENCE_S
 from tripwatt.server.cars.telemetry import Sample, sample_from_abrp
+from tripwatt.server.cars.topics import TopicJoiner
 from tripwatt.server.http import live as module
 from tripwatt.server.http import service as room
 from tripwatt.server.http.ahead import Ahead
@@ -893,8 +895,8 @@ class Published:
         self.ahead = Ahead(self.cars)
         self.car = self.cars.by_name("leaf")
 
-    def take(self, sample: Sample, name: str = "leaf") -> None:
-        asyncio.run(self.cars.take_published(name, sample))
+    def take(self, sample: Sample, name: str = "leaf") -> dict[str, Any] | None:
+        return asyncio.run(self.cars.take_published(name, lambda: sample))
 
     def document(self) -> dict[str, Any]:
         return asyncio.run(self.cars.published())["leaf"]
@@ -983,15 +985,76 @@ def test_messages_of_forgotten_cars_and_a_full_disk_are_passed_over(
 
     with monkeypatch.context() as patch:
         patch.setattr(published.car, "record", late)
-        with pytest.raises(InvalidInput, match="message too late"):  # the follower notes it
-            published.take(PARKED)
+        refused = published.take(PARKED)
+    assert refused is not None
+    assert (refused["type"], refused["faults"][0]["what"]) == ("/problems/invalid-input", "message too late")
 
     def full(*_: object) -> None:
         raise sqlite3.OperationalError("database or disk is full")
 
     monkeypatch.setattr(Database, "put_messages", full)
-    published.take(Sample(NOON_S + 2.0, {"speed_m_s": 0.0}))
-    assert [record["event"] for record in published.logged] == ["message not stored"]
+    busy = published.take(Sample(NOON_S + 2.0, {"speed_m_s": 0.0}))
+    assert busy is not None
+    assert busy["type"] == "/problems/busy"
+    assert [record["event"] for record in published.logged] == ["faulty message", "message not stored"]
+
+
+BAD: Final[tuple[Any, ...]] = (
+    {"soc": 900},
+    {"speed": 36, "soc": "none", "ext_temp": "warm", "power": 1e9},
+    {"utc": 1000.0 * NOON_S, "speed": 36},
+    {"utc": "now", "soc": 50},
+    {"speeed": 36},
+    {},
+    7,
+    None,
+)
+"""Messages with one fault or more; no other way to send one may answer it otherwise."""
+
+
+@pytest.mark.parametrize("sent", BAD, ids=str)
+def test_a_faulty_message_is_counted_logged_and_answered_over_mqtt_as_over_http(
+    served: Served, sent: Any
+) -> None:
+    cars, joiner = _cars(served), TopicJoiner("abrp", "leaf")
+    over_http = served("/v1/telemetry", "POST", json={"token": served.tokens["zoe"], "tlm": sent}).json()
+    payload = json.dumps({"tlm": sent}).encode()
+    read = partial(joiner.take, "leaf", payload, cars.by_name("leaf").now_s())
+    over_mqtt = asyncio.run(cars.take_published("leaf", read))
+    assert over_mqtt is not None
+    over_http.pop("instance", None)
+    assert over_http | {"car": ""} == over_mqtt | {"car": ""}
+    assert over_mqtt.get("ignored") or over_mqtt["faults"]
+    counts = [cars.by_name(name).counts for name in ("leaf", "zoe")]
+    assert counts[0] == counts[1]
+    assert counts[0]["faulty"] == 1
+    records = [row for row in served.logged if row.get("event") == "faulty message"]
+    assert [row["vehicle"] for row in records] == ["zoe", "leaf"]
+    assert records[0]["error"] == records[1]["error"]
+    for _ in range(100):
+        asyncio.run(cars.take_published("leaf", read))
+    assert len(orjson.dumps(over_mqtt)) < 4096
+    assert cars.by_name("leaf").counts["faulty"] == 101
+    assert len([row for row in served.logged if row.get("event") == "faulty message"]) == 2, "seldom"
+
+
+@pytest.mark.parametrize(
+    "sent", [{"speed": 36}, {"utc": None, "speed": 36}, {"utc": "", "speed": 36}], ids=str
+)
+@pytest.mark.parametrize("wrapped", [True, False])
+def test_a_missing_time_is_that_of_arrival_over_http_and_mqtt(
+    served: Served, sent: dict[str, Any], wrapped: bool
+) -> None:
+    cars, joiner, since_s = _cars(served), TopicJoiner("abrp", "leaf"), time.time()
+    message: dict[str, Any] = {"tlm": sent} if wrapped else sent
+    over_http = served("/v1/telemetry", "POST", json={"token": served.tokens["zoe"], **message})
+    assert (over_http.status_code, over_http.json()["arrival"]) == (200, "new")
+    read = partial(joiner.take, "leaf", json.dumps(message).encode(), time.time())
+    assert asyncio.run(cars.take_published("leaf", read)) is None
+    for name in ("leaf", "zoe"):
+        (sample,) = cars.by_name(name)._ordered.waiting
+        assert since_s <= sample.time_s <= time.time()
+        assert sample.values == {"speed_m_s": 10.0}
 
 
 def test_what_the_broker_does_is_logged_and_cars_are_as_often_as_asked(published: Published) -> None:

@@ -262,12 +262,10 @@ class Car(LiveCar):
 
     def _finished(self) -> dict[str, bool]:
         """Return the trips that were finished on the road, each with whether it is learned."""
-        with self.file.read() as db:
-            return dict(db.execute("SELECT trip_id, is_learned FROM trips WHERE start_s IS NOT NULL"))
+        return dict(self.file.rows("SELECT trip_id, is_learned FROM trips WHERE start_s IS NOT NULL"))
 
     def _learner(self) -> Learner:
-        with self.file.read() as db:
-            parts = dict(db.execute("SELECT part, content FROM model"))
+        parts = dict(self.file.rows("SELECT part, content FROM model"))
         is_current = bool(parts) and json.loads(parts[METADATA])["format_version"] == FORMAT_VERSION
         stored = model_of_parts(parts) if is_current else None
         base = self.file.setting("base")
@@ -325,10 +323,9 @@ class Car(LiveCar):
         with damage(self.file.path, ALLOWED, FORGET):
             diary = self.diary if diary is None else diary
             latest, by_book = diary.latest()
-            with self.file.read() as db:
-                (trips,) = db.execute("SELECT count(*) FROM trips").fetchone()
-                part = db.execute("SELECT content FROM model WHERE part = ?", (METADATA,)).fetchone()
-            metadata = {} if part is None else json.loads(part[0])
+            ((trips,),) = self.file.rows("SELECT count(*) FROM trips")
+            parts = self.file.rows("SELECT content FROM model WHERE part = ?", METADATA)
+            metadata = json.loads(parts[0][0]) if parts else {}
             is_current = metadata.get("format_version") == FORMAT_VERSION
             adapted = metadata["provenance"]["adapted"] if is_current else {}
             return {

@@ -230,20 +230,20 @@ class CarFile:
             rows = db.execute(f"SELECT {', '.join(columns)} FROM trips WHERE {where} {order}", values)
             return tuple(_log(dict(zip(columns, row, strict=True))) for row in rows)
 
+    def rows(self, query: str, *values: object) -> list[Any]:
+        """Return the rows that an SQL query finds."""
+        with self.read() as db:
+            return db.execute(query, values).fetchall()
+
     def departures(self, before_s: float) -> list[float]:
         """Return the departures of finished trips on the road before `before_s` [s since 1970]."""
-        with self.read() as db:
-            rows = db.execute("SELECT start_s FROM trips WHERE start_s < ?", (before_s,))
-            return [start_s for (start_s,) in rows]
+        return [start_s for (start_s,) in self.rows("SELECT start_s FROM trips WHERE start_s < ?", before_s)]
 
     def forecasts(self, start: str, value: object) -> tuple[MadeForecast, ...]:
         """Return the forecasts made on the trip whose start [s since 1970] an SQL expression of a value gives."""
         names = ", ".join(MadeForecast.__slots__)
-        with self.read() as db:
-            rows = db.execute(
-                f"SELECT {names} FROM forecasts WHERE start_s = {start} ORDER BY rowid", (value,)
-            )
-            return tuple(MadeForecast(*row) for row in rows)
+        query = f"SELECT {names} FROM forecasts WHERE start_s = {start} ORDER BY rowid"
+        return tuple(MadeForecast(*row) for row in self.rows(query, value))
 
     def messages(self) -> list[Sample]:
         """Return the samples that belong to no finished trip, in the order of their arrival."""

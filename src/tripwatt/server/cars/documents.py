@@ -99,7 +99,7 @@ class LiveMessages(TypedDict):
     late: int
     """too late, or with a time of another clock: they do not count"""
     faulty: int
-    """with a value that cannot be one; the others count"""
+    """no sample, or with a value that cannot be one; its other values count"""
 
 
 @described

@@ -30,6 +30,9 @@ AGAIN_S: Final = (1.0, 60.0)
 PLAN_TOPIC: Final = "/plan/set"
 """Topic below that of a car, on which its plan is set."""
 
+FAULT_TOPIC: Final = "/telemetry/fault"
+"""Topic below that of a car, with what is wrong with its messages, at most every `every_s`."""
+
 FLUSH_S: Final = 2.0
 """A sample is complete if nothing arrives for this long [s]. A choice."""
 
@@ -101,8 +104,7 @@ class Broker:
         if parts.scheme not in PORTS or not parts.hostname:
             got = url.rpartition("@")[2][:80]  # never a password
             raise InvalidInput.of("not a broker", "--mqtt", got, "mqtt://HOST[:PORT] or mqtts://HOST[:PORT]")
-        username = None if parts.username is None else unquote(parts.username)
-        given = None if parts.password is None else unquote(parts.password)
+        username, given = (text and unquote(text) for text in (parts.username, parts.password))
         return cls(
             parts.hostname, port or PORTS[parts.scheme], username, given or password, parts.scheme == "mqtts"
         )
@@ -144,13 +146,14 @@ class Follower:
     settings : MqttSettings
         What is followed and published.
     take : callable
-        Called with the name of a car and a sample; an `InvalidInput` that it raises goes to `note`.
+        Called with the name of a car and a function that returns its next sample, or None, or raises `InvalidInput`. What it returns
+        is published on `FAULT_TOPIC`: what is wrong with the message.
     documents : callable
         Returns name of a car -> document to publish.
     plan : callable
         Called with the name of a car and the plan of its next trip as JSON text, from the topic `PLAN_TOPIC` below that of the car.
     note : callable
-        Called with a sentence when the broker is lost or a message is not stored.
+        Called with a sentence when the broker is lost.
     every_s : float
         Shortest time between two published messages of a car [s].
 
@@ -163,13 +166,15 @@ class Follower:
     --------
     >>> async def documents():
     ...     return {"leaf": {"soc": 0.8}}
+    >>> async def take(name, read):
+    ...     print(name, read())
     >>> settings = MqttSettings(Broker.from_url("mqtt://127.0.0.1"), {"leaf": ("teslamate", "teslamate/cars/1")})
-    >>> follower = Follower(settings, print, documents, print, print)
+    >>> follower = Follower(settings, take, documents, print, print)
     >>> asyncio.run(follower.follow())  # doctest: +SKIP
     """
 
     settings: MqttSettings
-    take: Callable[[str, Sample], Awaitable[object]]
+    take: Callable[[str, Callable[[], Sample | None]], Awaitable[Mapping[str, Any] | None]]
     documents: Callable[[], Awaitable[Mapping[str, Mapping[str, Any]]]]
     plan: Callable[[str, bytes], Awaitable[object]]
     note: Callable[[str], None]
@@ -178,9 +183,9 @@ class Follower:
     def __post_init__(self) -> None:
         self._joiners = {name: TopicJoiner(*given) for name, given in self.settings.cars.items()}
         self._now_s = steady_clock()
-        for name, joiner in self._joiners.items():
-            joiner.note = partial(self._note_refusal, name)
         self._received_s = dict.fromkeys(self._joiners, 0.0)
+        # the latest answers to messages with faults that are not published yet, at most one of a car
+        self._answers: dict[str, Mapping[str, Any]] = {}
         # what was published of a car, without its age, and when
         self._published: dict[str, tuple[dict[str, Any], float]] = {}
 
@@ -193,7 +198,7 @@ class Follower:
             try:
                 async with self._client() as client:
                     for joiner in self._joiners.values():
-                        await client.subscribe(joiner.filter, qos=1)
+                        await client.subscribe(f"{joiner.root}/#", qos=1)  # the topic itself, too
                     if self.settings.publish_to:
                         await client.subscribe(f"{self.settings.publish_to}/+{PLAN_TOPIC}", qos=1)
                     wait_s = AGAIN_S[0]
@@ -217,34 +222,29 @@ class Follower:
         mqtt.manual_ack_set(True)
         async for message in client.messages:
             payload = message.payload if isinstance(message.payload, bytes) else str(message.payload).encode()
-            now_s, topic = self._now_s(), message.topic.value
-            if (
-                topic.endswith(PLAN_TOPIC) and not message.retain
-            ):  # a kept one may be of a trip that has ended
+            now_s, topic, kept = self._now_s(), message.topic.value, bool(message.retain)
+            if topic.endswith(PLAN_TOPIC) and not kept:  # a kept one may be of a trip that has ended
                 await self.plan(topic.split("/")[-3], payload)
             for name, joiner in self._joiners.items():
                 if topic == joiner.root or topic.startswith(f"{joiner.root}/"):
                     self._received_s[name] = now_s
-                    await self._store(name, joiner.take(topic, payload, now_s, retained=bool(message.retain)))
+                    await self._take(name, partial(joiner.take, topic, payload, now_s, retained=kept))
             mqtt.ack(message.mid, message.qos)
 
-    async def _store(self, name: str, sample: Sample | None) -> None:
-        if sample is None:
-            return
-        try:
-            await self.take(name, sample)
-        except InvalidInput as error:
-            self._note_refusal(name, error)
-
-    def _note_refusal(self, name: str, error: InvalidInput) -> None:
-        self.note(f"{name}: message not stored: {error}"[:200])
+    async def _take(self, name: str, read: Callable[[], Sample | None]) -> None:
+        answer = await self.take(name, read)
+        if answer is not None:
+            self._answers[name] = answer
 
     async def _publish_cars(self, client: aiomqtt.Client) -> None:
         while True:
             await asyncio.sleep(self.every_s)
             for name, joiner in self._joiners.items():
                 if self._now_s() - self._received_s[name] >= FLUSH_S:
-                    await self._store(name, joiner.flush())
+                    await self._take(name, joiner.flush)
+                answer = self._answers.pop(name, None)
+                if answer is not None:
+                    await self._publish(client, f"/{name}{FAULT_TOPIC}", json.dumps(answer), retain=False)
             if self.settings.publish_to:
                 for name, document in (await self.documents()).items():
                     await self._publish_car(client, name, document)
@@ -266,9 +266,9 @@ class Follower:
         self._published[name] = lasting, now_s
         await self._publish(client, f"/{name}", json.dumps(document))
 
-    async def _publish(self, client: aiomqtt.Client, below: str, text: str) -> None:
+    async def _publish(self, client: aiomqtt.Client, below: str, text: str, *, retain: bool = True) -> None:
         if self.settings.publish_to:
-            await client.publish(f"{self.settings.publish_to}{below}", text, qos=1, retain=True)
+            await client.publish(f"{self.settings.publish_to}{below}", text, qos=1, retain=retain)
 
     def _client(self) -> aiomqtt.Client:
         """Return a client for which the broker keeps messages while it is disconnected."""

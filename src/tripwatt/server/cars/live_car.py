@@ -150,6 +150,10 @@ class LiveCar(Recorder):
         self._store_ended_trips()
         return "new" if arrival == "held" and not self._sender.held else arrival
 
+    def count_faulty(self) -> None:
+        """Count a message that is no sample."""
+        self.counts["faulty"] += 1
+
     def _shift_times(self, by_s: float) -> None:
         trip = self.trip
         before_s = math.nan if trip is None else trip.start_s

@@ -36,7 +36,7 @@ class Recorder:
     Attributes
     ----------
     counts : dict of str to int
-        Number of samples that were `new`, `doubled`, `late` or `faulty` (with a value that cannot be one); a sample whose time fits no clock of the sender counts as `late`.
+        Number of samples that were `new`, `doubled`, `late` or `faulty` (no sample, or with a value that cannot be one); a sample whose time fits no clock of the sender counts as `late`.
     received_s : float or None
         Arrival of the last message by our clock [s since 1970]; None before the first one.
     ended : list of LiveTrip
@@ -237,34 +237,28 @@ class Recorder:
         trip = self.trip
         return {
             "car": self.name,
-            "seconds_since_message": self.silence_s(now_s),
+            "seconds_since_message": None if self.received_s is None else max(0.0, now_s - self.received_s),
             "messages": self.counts.copy(),
             "held": len(self._sender.held),
             "soc": self._soc[2] if self._soc is not None and self._soc[1] == "soc" else None,
             "soc_source": None if self._soc is None else self._soc[1],
-            "trip": None
-            if trip is None
-            else {
-                "departs_at": dt.datetime.fromtimestamp(trip.start_s, dt.UTC).isoformat(),
-                "duration_s": trip.last_s - trip.start_s,
-                "distance_m": trip.distance_m,
-                "samples": len(trip),
-                **self._measured(trip),
-            },
+            "trip": None if trip is None else self._about(trip),
         }
 
-    def silence_s(self, now_s: float) -> float | None:
-        """Return the time since the last message [s]; None before the first one."""
-        return None if self.received_s is None else max(0.0, now_s - self.received_s)
-
-    def _measured(self, trip: LiveTrip) -> dict[str, float | None]:
-        """Return the energy of a trip and the latest power by the messages; None where none has a power."""
+    def _about(self, trip: LiveTrip) -> dict[str, Any]:
+        """Return the `LiveTripDocument` of a trip."""
         columns = {f"{name}": values.to_numpy() for name, values in trip.table().items()}
         latest = self.observed()
         power_w = latest["voltage_v"] * latest["current_a"] if "current_a" in latest else None
         found = {"energy_wh": measured_energy(columns), "power_w": power_w}
         known = {name: pd.Series(values, dtype="float64").dropna() for name, values in found.items()}
-        return {name: None if values.empty else float(values.iloc[-1]) for name, values in known.items()}
+        return {
+            "departs_at": dt.datetime.fromtimestamp(trip.start_s, dt.UTC).isoformat(),
+            "duration_s": trip.last_s - trip.start_s,
+            "distance_m": trip.distance_m,
+            "samples": len(trip),
+            **{name: None if values.empty else float(values.iloc[-1]) for name, values in known.items()},
+        }
 
     def mixed(self, now_s: float) -> list[dict[str, str]]:
         """Return the fault of messages that seem to come from two senders, until `SILENCE_S` after the last of them.

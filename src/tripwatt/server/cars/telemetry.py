@@ -42,9 +42,12 @@ OWN_VOLTAGE_V: Final = 370.0
 MAX_POWER_W: Final = 2e6
 """Largest battery power; that of a lorry on a megawatt charger is below."""
 
+MISSING: Final = ("", "unknown", "unavailable", "none", "null")
+"""Texts of senders for a value that they do not have; the second and third are those of Home Assistant."""
+
 BOUNDS: Final = {name: column.bounds for name, column in COLUMNS.items()} | {
     POWER: (-MAX_POWER_W, MAX_POWER_W),
-    "": (-math.inf, math.inf),
+    "": (-1e300, 1e300),
 }
 """Bounds of the values of a column; those of the empty name are of a time."""
 
@@ -134,25 +137,22 @@ class MessageFormat:
         columns["time_s"] = MappedColumn("time_s", "epoch_s")
         return ColumnMapping("", columns, nominal_voltage_v=OWN_VOLTAGE_V, hold_s=OWN_HOLD_S)
 
-    @property
+    @cached_property
     def time_field(self) -> str:
         """Field with the time since 1970; empty if the sender sends no such time."""
-        return self.mapping.columns["time_s"].column if math.isfinite(self.time_unit_s) else ""
-
-    @property
-    def time_unit_s(self) -> float:
-        """Unit of the time in `time_field` [s]; NaN if the sender sends no such time."""
-        return TIME_STAMPS.get(self.mapping.columns["time_s"].unit, math.nan)
+        return next((name for name, (ours, *_) in self.columns.items() if not ours), "")
 
     @cached_property
     def columns(self) -> Mapping[str, tuple[str, float, float]]:
-        """Field -> our column, with factor and offset to its unit."""
+        """Field -> our column, with factor and offset to its unit; the column of a time since 1970 has no name."""
         sources = {name: (ours, 1.0, 0.0) for name, ours in self.more.items()}
         for ours, entry in self.mapping.columns.items():
             if ours != "time_s":
                 factor, offset = UNITS[ours][entry.unit]
                 sign = self.mapping.discharge_sign if ours in ("current_a", POWER) else 1.0
                 sources[entry.column] = ours, sign * factor, offset
+            elif math.isfinite(TIME_STAMPS.get(entry.unit, math.nan)):
+                sources[entry.column] = "", TIME_STAMPS[entry.unit], 0.0
         return sources
 
     def with_current(self, values: dict[str, float]) -> dict[str, float]:
@@ -170,12 +170,17 @@ class MessageFormat:
         if not isinstance(message, Mapping):
             allowed = "an object with utc, speed, power, soc"
             raise InvalidInput.of("not an object", "tlm", excerpt(message), allowed)
-        time_field, faults = self.time_field, list[Fault]()
-        time_s = _number(message, time_field, ("", self.time_unit_s, 0.0), faults)
-        time_s = received_s if time_s is None and not faults else time_s
+        known, faults = (*self.columns, *self.charging, *self.parked), list[Fault]()
+        if message.keys().isdisjoint(known):
+            raise InvalidInput.of("no known field", "tlm", excerpt([*message]), ", ".join(known))
+        numbers = {
+            column[0]: number_in(message, name, column, faults) for name, column in self.columns.items()
+        }
+        time_s = numbers.pop("", None)
+        if time_s is None and self.time_field not in {fault.where for fault in faults}:
+            time_s = received_s
         if time_s is None:
-            raise InvalidInput(faults or Fault("missing field", time_field, "", "seconds since 1970"))
-        numbers = {column[0]: _number(message, name, column, faults) for name, column in self.columns.items()}
+            raise InvalidInput(faults or Fault("missing field", self.time_field, "", "seconds since 1970"))
         values = self.with_current({name: value for name, value in numbers.items() if value is not None})
         parked = is_set(self.parked, message)
         if parked:
@@ -234,26 +239,19 @@ def is_set(flags: Mapping[str, tuple[str, ...]], values: Mapping[str, Any]) -> b
     )
 
 
-def number_of(value: Any) -> float:
-    """Return a number, or the number that a text contains; NaN for anything else."""
-    if isinstance(value, bool) or not isinstance(value, int | float | str):
-        return math.nan
-    try:
-        return float(value[:40] if isinstance(value, str) else value)
-    except (ValueError, OverflowError):
-        return math.nan
-
-
-def _number(
+def number_in(
     message: Mapping[str, Any], name: str, column: tuple[str, float, float], faults: list[Fault]
 ) -> float | None:
-    """Return a number of a message in our unit; None if it is missing or, with a fault added to `faults`, not a valid number."""
+    """Return a number of a message, which may be a text, in our unit; None if it is missing or, with a fault added to `faults`, not valid."""
     raw, (ours, factor, offset) = message.get(name), column
-    if raw is None or raw == "":
+    if raw is None or (isinstance(raw, str) and raw.lower() in MISSING):
         return None
-    value = number_of(raw) * factor + offset
-    if math.isfinite(value) and is_sound(ours, value):
-        return value
+    try:
+        value = float(raw[:40] if isinstance(raw, str) else raw) * factor + offset
+        if not isinstance(raw, bool) and is_sound(ours, value):
+            return value
+    except (TypeError, ValueError, OverflowError):
+        pass
     low, high = sorted((bound - offset) / factor for bound in BOUNDS[ours])
     allowed = f"{low:g} to {high:g}" if ours else "a number"
     faults.append(Fault("value out of range", name, excerpt(raw), allowed))

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from typing import Any, Final
 
-from tripwatt.errors import InvalidInput, or_none
-from tripwatt.server.cars.telemetry import Sample, format_of, is_set, is_sound, number_of
+from tripwatt.errors import Fault, InvalidInput, raise_faults
+from tripwatt.server.cars.telemetry import Sample, format_of, is_set, number_in
 from tripwatt.sources.mapping import POWER
 
 JOIN_S: Final = 1.0
@@ -20,8 +20,8 @@ TIME_WAIT_S: Final = 30.0
 SLOW_HOLD_S: Final = 600.0
 """How long a state of charge or a temperature is held [s], because senders repeat only what changes. A choice."""
 
-FAST: Final = frozenset({"speed_m_s", "voltage_v", "current_a", POWER})
-"""Columns that are held as long as in the sender's mapping; their values that the broker kept from before are ignored."""
+FAST: Final = frozenset({"", "speed_m_s", "voltage_v", "current_a", POWER})
+"""Columns that are held as long as in the sender's mapping, and the time; their values that the broker kept from before are ignored."""
 
 MAX_TEXT_BYTES: Final = 64
 MAX_MESSAGE_BYTES: Final = 65_536
@@ -40,11 +40,6 @@ class TopicJoiner:
         Name of a sender, as in `format_of`.
     root : str
         Topic above the metrics, such as `ovms/me/leaf/metric` or `teslamate/cars/1`; or the topic of whole messages.
-
-    Attributes
-    ----------
-    note : callable
-        Called with the fault of a message that cannot be a sample, such as one with a time in milliseconds.
 
     Raises
     ------
@@ -67,18 +62,13 @@ class TopicJoiner:
         if not self.root or {"+", "#"} & set(self.root):
             raise InvalidInput.of("no topic of one car", "topic", root[:60], "a topic without '+' and '#'")
         self.format = format_of(source)
-        self.note: Callable[[InvalidInput], None] = lambda _: None
         self._hold_s = max(self.format.mapping.hold_s, JOIN_S)
         self._values: dict[str, tuple[float, float]] = {}
         self._flags: dict[str, str] = {}
+        self._faults: list[Fault] = []
         self._has_time = self._has_news = False
         self._begins_s = -math.inf
         self._first_arrival_s = math.inf
-
-    @property
-    def filter(self) -> str:
-        """Filter of topics to subscribe to."""
-        return f"{self.root}/#"  # the topic itself, too
 
     def take(self, topic: str, payload: bytes, received_s: float, *, retained: bool = False) -> Sample | None:
         """Take a message: a value, or a whole sample. O(1).
@@ -97,27 +87,32 @@ class TopicJoiner:
         Returns
         -------
         Sample or None
-            The sample that is complete now; None if there is none.
+            The sample that is complete now; None if there is none. Its faults are of values that are left out.
+
+        Raises
+        ------
+        InvalidInput
+            For a message that cannot be a sample, such as one with a time in milliseconds.
         """
         if topic == self.root:
-            return None if retained else self._sample_of_json(payload, received_s)
-        if not topic.startswith(f"{self.root}/") or len(payload) > MAX_TEXT_BYTES:
-            return None
+            return None if retained or not payload else self._sample_of_json(payload, received_s)
         metric = topic.removeprefix(f"{self.root}/").replace("/", ".")
-        text = payload.decode("utf-8", "replace").strip().lower()
-        if metric == self.format.time_field:
-            return None if retained else self._start_at(number_of(text) * self.format.time_unit_s)
+        text = payload[:MAX_TEXT_BYTES].decode("utf-8", "replace").strip().lower()
         if metric in self.format.charging or metric in self.format.parked:
             self._flags[metric] = text
             return self._note_arrival(received_s)
-        if metric not in self.format.columns:
+        column, faults = self.format.columns.get(metric), list[Fault]()
+        if column is None or (retained and column[0] in FAST):
             return None
-        column, factor, offset = self.format.columns[metric]
-        value = number_of(text) * factor + offset
-        if (retained and column in FAST) or not is_sound(column, value):
-            return None
-        sample = self._note_arrival(received_s)
-        self._values[column] = (value, self._begins_s)
+        value = number_in({metric: text}, metric, column, faults)
+        if metric == self.format.time_field:
+            raise_faults(faults)
+            self._has_time = self._has_time or value is not None
+            return None if value is None or value == self._begins_s else self._begin(value)
+        sample = self._note_arrival(received_s) if faults or value is not None else None
+        self._faults += faults
+        if value is not None:
+            self._values[column[0]] = value, self._begins_s
         return sample
 
     def flush(self) -> Sample | None:
@@ -127,10 +122,15 @@ class TopicJoiner:
         -------
         Sample or None
             None if nothing arrived since the last sample.
+
+        Raises
+        ------
+        InvalidInput
+            If the time of the sender cannot be one.
         """
         if not self._has_news or self._begins_s == -math.inf:
             return None
-        self._has_news = False
+        self._has_news, faults, self._faults = False, self._faults, []
         values = {
             name: value
             for name, (value, at_s) in self._values.items()
@@ -140,22 +140,16 @@ class TopicJoiner:
         if parked:
             values["speed_m_s"] = 0.0
         values, charging = self.format.with_current(values), is_set(self.format.charging, self._flags)
-        return or_none(Sample, self._begins_s, values, charging, parked)  # None for a time out of bounds
+        return Sample(self._begins_s, values, charging, parked, tuple(faults))
 
     def _begin(self, time_s: float) -> Sample | None:
         """Begin a sample at `time_s`; return the one before it. Values that came before the first sample get its time."""
-        sample = self.flush()
-        if self._begins_s == -math.inf:
-            self._values = {name: (value, time_s) for name, (value, _) in self._values.items()}
-        self._begins_s = time_s
-        return sample
-
-    def _start_at(self, time_s: float) -> Sample | None:
-        """Begin a sample at a time that the sender sent; return the sample before it."""
-        if not math.isfinite(time_s) or time_s == self._begins_s:
-            return None
-        self._has_time = True
-        return self._begin(time_s)
+        try:
+            return self.flush()
+        finally:
+            if self._begins_s == -math.inf:
+                self._values = {name: (value, time_s) for name, (value, _) in self._values.items()}
+            self._begins_s = time_s
 
     def _note_arrival(self, received_s: float) -> Sample | None:
         """Note that a value came; if the sender sends no time, it may begin the next sample. Return the sample before it."""
@@ -169,15 +163,11 @@ class TopicJoiner:
         return sample
 
     def _sample_of_json(self, payload: bytes, received_s: float) -> Sample | None:
-        """Return the sample of a message with all values as JSON; None if it is not valid (faults of values go to `note`)."""
-        if len(payload) > MAX_MESSAGE_BYTES:
-            return None
+        """Return the sample of a message with all values as JSON; None for one that the format ignores."""
         try:
-            document: Any = json.loads(payload)
-            document = document.get("tlm", document) if isinstance(document, Mapping) else document
-            return self.format.sample(document, received_s) if document else None
-        except InvalidInput as error:
-            self.note(error)
-        except (ValueError, RecursionError):
-            pass
-        return None
+            document: Any = json.loads(payload[:MAX_MESSAGE_BYTES])
+        except (ValueError, RecursionError) as error:
+            allowed = f"JSON of at most {MAX_MESSAGE_BYTES} bytes"
+            raise InvalidInput.of("not JSON", "tlm", f"{error}"[:60], allowed) from error
+        document = document.get("tlm", document) if isinstance(document, Mapping) else document
+        return self.format.sample(document, received_s)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping
+from functools import partial
 from typing import Annotated, Any, Final
 from urllib.parse import parse_qsl
 
@@ -16,7 +17,7 @@ from starlette.responses import Response
 from tripwatt.errors import InvalidInput
 from tripwatt.server.cars.documents import LiveResponse
 from tripwatt.server.cars.live_car import VALID_NAME
-from tripwatt.server.cars.telemetry import sample_from_abrp
+from tripwatt.server.cars.telemetry import FORMATS
 from tripwatt.server.http import car_schemas as schemas
 from tripwatt.server.http.car_jobs import car_folder
 from tripwatt.server.http.learning import Learning
@@ -231,9 +232,8 @@ async def _take(call: Called, message: Mapping[str, Any], token: str | None) -> 
     """Store a message of a car; one without a time counts as of now, as over MQTT."""
     cars_on_road = call.service.live
     car = cars_on_road.by_token(given_token(message, call.request, token))
-    values = telemetry_of(message)
-    values = {"utc": time.time(), **values} if isinstance(values, dict) else values
-    return json_response(await cars_on_road.take(car, sample_from_abrp(values)))
+    read = partial(FORMATS["abrp"].sample, telemetry_of(message), time.time())
+    return json_response(await cars_on_road.take(car, read))
 
 
 def message_of(body: bytes, kind: str) -> dict[str, Any]:

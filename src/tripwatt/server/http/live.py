@@ -9,7 +9,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import itertools
-from collections.abc import AsyncIterator, Callable, Mapping
+from collections.abc import AsyncIterator, Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from functools import cached_property, partial
 from hmac import compare_digest
@@ -21,7 +21,7 @@ import orjson
 from sse_starlette import EventSourceResponse, ServerSentEvent
 from starlette.types import Receive, Scope, Send
 
-from tripwatt.errors import InvalidInput, did_you_mean, or_none
+from tripwatt.errors import Fault, InvalidInput, did_you_mean, or_none
 from tripwatt.forecasting import ForecastModel
 from tripwatt.roads.advice import Companion
 from tripwatt.server.cars.car import Car
@@ -32,7 +32,7 @@ from tripwatt.server.http.car_jobs import CarJobs, car_folder
 from tripwatt.server.http.car_schemas import LivePlanRequest
 from tripwatt.server.http.jobs import Jobs, no_description_flag
 from tripwatt.server.http.pool import JobResult, WorkerPool, cancel_all
-from tripwatt.server.http.problems import Problem, fault_document
+from tripwatt.server.http.problems import Problem, fault_document, invalid_input
 from tripwatt.server.http.schemas import check_request, json_object
 from tripwatt.server.http.settings import Settings
 from tripwatt.server.http.sharing import Places
@@ -40,6 +40,9 @@ from tripwatt.trips.messages import flag_to_dict
 
 SILENCE_CHECK_S: Final = 30.0
 """Time between two checks for cars that became silent [s]. A choice: a trip ends after 10 min of silence."""
+
+FAULT_EVERY_S: Final = 10.0
+"""Shortest time between two records in the log of faulty messages of a car [s]. A choice."""
 
 KEEP_ALIVE_S: Final = 15.0
 """A stream without events sends a comment after this time [s], so that no proxy closes the stream: nginx does so after 60 s."""
@@ -100,6 +103,7 @@ class LiveCars:
         self._numbers = itertools.count(1)  # of the events
         self._digests: dict[str, bytes] = {}
         self._companions: dict[str, Companion] = {}
+        self._logged_s: dict[str, float] = {}  # when faults of a car were logged
         self._thread = ThreadPoolExecutor(1, "cars")
         folder = settings.cars
         if folder is None or not folder.is_dir():
@@ -201,20 +205,30 @@ class LiveCars:
             raise Problem("token-needed", "the token of a car: `token`, or a bearer token", headers=challenge)
         return self.cars[names[0]]
 
-    async def take(self, car: Car, sample: Sample) -> dict[str, Any]:
-        """Store a message of a car, and return the `TelemetryResponse`.
+    async def take(self, car: Car, read: Callable[[], Sample | None]) -> dict[str, Any]:
+        """Store the message of a car that `read` returns, and return the `TelemetryResponse`; an empty one without a message.
+
+        A message that is no sample, or has a value that cannot be one, is counted and logged.
 
         Raises
         ------
         InvalidInput
-            For a message that is too late to count.
+            For a message that is no sample, or is too late to count.
         Problem
             `busy` if the message cannot be stored.
         """
         try:
-            arrival = await self.run(car.record, sample)
+            sample = read()
+            arrival = None if sample is None else await self.run(car.record, sample)
         except OSError as error:
             raise self._not_stored("message", car, error) from error
+        except InvalidInput as error:
+            await self.run(car.count_faulty)
+            self._log_faults(car, error.faults)
+            raise
+        if sample is None:
+            return {}
+        self._log_faults(car, sample.faults)
         if arrival == "late":
             allowed = "the time of a message that fits the trip"
             fix = "send messages in the order of their times"
@@ -222,17 +236,22 @@ class LiveCars:
         status, ignored = "held" if arrival == "held" else "ok", map(fault_document, sample.faults)
         return {"status": status, "car": car.name, "arrival": arrival, "ignored": [*ignored]}
 
-    async def take_published(self, name: str, sample: Sample) -> None:
-        """Store a message that a car sent over MQTT, unless the car was forgotten; a message that cannot be stored is logged.
+    def _log_faults(self, car: Car, faults: Sequence[Fault]) -> None:
+        """Log the first fault of a message, for a car at most every `FAULT_EVERY_S`."""
+        now_s = car.now_s()
+        if faults and now_s >= self._logged_s.get(car.name, 0.0) + FAULT_EVERY_S:
+            self._logged_s[car.name] = now_s
+            self.log(event="faulty message", vehicle=car.name, error=f"{faults[0]}"[:200])
 
-        Raises
-        ------
-        InvalidInput
-            For a message that is too late to count.
-        """
-        with contextlib.suppress(Problem):  # a broker does not send a message again
-            if name in self.cars:
-                await self.take(self.cars[name], sample)
+    async def take_published(self, name: str, read: Callable[[], Sample | None]) -> dict[str, Any] | None:
+        """Store what a car sent over MQTT, unless the car was forgotten; return the response of HTTP if something is wrong with it."""
+        try:
+            answer = await self.take(self.cars[name], read) if name in self.cars else {}
+        except InvalidInput as error:
+            return invalid_input(error.faults).document()
+        except Problem as problem:
+            return problem.document()
+        return answer if answer.get("ignored") else None
 
     async def plan_published(self, name: str, payload: bytes) -> None:
         """Set the plan that a car got over MQTT; an empty one removes the plan. A plan that is refused is logged."""
