@@ -12,7 +12,6 @@ from tests.support.command import Run
 import tripwatt as tw
 from tripwatt.roads.journey import need, range_km
 from tripwatt.server.cars.folder import create_car
-from tripwatt.server.cars.plan import usual_plan
 from tripwatt.study.synthetic import VEHICLE, synthetic_fleet
 
 COLD = tw.Departure(ambient_temperature_degc=-5.0)
@@ -67,7 +66,7 @@ def test_a_usual_trip_of_my_car(run: Run, tmp_path: Path) -> None:
     name = logs[0].trip_id
     printed = run("need", "--car", car.folder, "--trip", name, "--ambient", -5, "--json")
     found = json.loads(printed.out)
-    expected = need(usual_plan(car, name), departure=COLD, model=car.model()).to_dict()
+    expected = need(car.usual_plan(name), departure=COLD, model=car.model()).to_dict()
     assert {name: found[name] for name in expected} == {**expected, "car": car.folder.name}
     assert found["usual_trip"] == name
     assert (found["kind"], found["distance_m"]) == ("trip", pytest.approx(logs[0].distance_m, rel=0.01))

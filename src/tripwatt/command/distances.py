@@ -34,12 +34,10 @@ class Drive:
         """Return the car as keyword arguments of `need` and `range_km`; for a user's own car also `plan`, which plans its trips."""
         if self.car is None or not Path(self.car).is_dir():
             return {"model": self.model, "car": self.car}
-        from tripwatt.server.cars.plan import usual_plan
-
         if self.model is not None:
             raise InvalidInput.of("two models", "--car", "--model too", "one of them")
         own = tw.open_car(self.car)
-        return {"model": own.model(), "plan": partial(usual_plan, own)}
+        return {"model": own.model(), "plan": own.usual_plan}
 
 
 def need(

@@ -15,6 +15,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any, Final, Self
 
+from tripwatt.auditing import audit
 from tripwatt.errors import InvalidInput, or_none, system_errors
 from tripwatt.files import folder_lock
 from tripwatt.server.cars import older
@@ -24,7 +25,7 @@ from tripwatt.server.cars.plan import LONGER, LivePlan, usual_departure
 from tripwatt.server.cars.recording import Recorder
 from tripwatt.server.cars.sender import Arrival, steady_clock
 from tripwatt.server.cars.telemetry import Sample
-from tripwatt.trips import Context, Log
+from tripwatt.trips import Context, Departure, Log, Plan, TripSet
 from tripwatt.units import SECONDS_PER_DAY
 
 FAR_S: Final = 366.0 * SECONDS_PER_DAY
@@ -323,6 +324,32 @@ class LiveCar(Recorder):
         """Return the plan of a trip that departs at `departure_s` [s since 1970]: the given one, else that of the usual trip."""
         trip = None if self.plan is not None else self.usual_trip_at(departure_s)
         return self.plan if trip is None else LivePlan.from_trip(trip)
+
+    def usual_plan(self, trip_id: str) -> Plan:
+        """Return the plan to drive a trip again: its road and its speeds, without what was known at its departure.
+
+        Parameters
+        ----------
+        trip_id : str
+            Name of one of the trips.
+
+        Returns
+        -------
+        Plan
+            For `need` or `ForecastModel.forecast`.
+
+        Raises
+        ------
+        InvalidInput
+            When the car has no sound trip of this name.
+        """
+        logs = self.file.logs("trip_id = ?", trip_id)
+        trips = audit(TripSet(self.name, logs)).trips if logs else ()
+        if not trips:
+            raise InvalidInput.of(
+                "no such trip", "trip", trip_id[:60], f"a sound trip of the car {self.name}"
+            )
+        return replace(Plan.from_trip(trips[0]), departure=Departure())
 
     def set_plan(self, request: Mapping[str, Any] | None, departure_s: float | None = None) -> None:
         """Set the plan of the trip that the car is on, or else of its next trip; None removes the plan.

@@ -4,19 +4,17 @@ from __future__ import annotations
 
 import datetime as dt
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, Final, Protocol
+from typing import Any, Final
 
 import numpy as np
 
-from tripwatt.auditing import audit
-from tripwatt.errors import InvalidInput, damage, or_none
+from tripwatt.errors import damage, or_none
 from tripwatt.routes import links_of_trip, route_from_links
 from tripwatt.routes.link_objects import fields_of_route, route_with_elevation
-from tripwatt.server.cars.car_file import CarFile
 from tripwatt.sources.canonical import canonical_samples
-from tripwatt.trips import ASKED, Departure, Plan, Recorded, TripSet
+from tripwatt.trips import ASKED, Departure, Plan, Recorded
 from tripwatt.units import SECONDS_PER_DAY, SECONDS_PER_HOUR
 
 NEAR_S: Final = 1.5 * SECONDS_PER_HOUR
@@ -24,13 +22,6 @@ NEAR_S: Final = 1.5 * SECONDS_PER_HOUR
 
 LONGER: Final = 1.1
 """A trip that is longer than the usual one by this factor goes elsewhere. A choice: detours are shorter."""
-
-
-class HasTrips(Protocol):
-    """A car with its trips in its file."""
-
-    name: str
-    file: CarFile
 
 
 def usual_departure(earlier_s: Iterable[float], departure_s: float) -> float | None:
@@ -60,33 +51,6 @@ def usual_departure(earlier_s: Iterable[float], departure_s: float) -> float | N
     near = [(earlier, away) for earlier in earlier_s if (away := _apart_s(earlier, departure_s)) <= NEAR_S]
     same_kind = [pair for pair in near if _is_weekend(pair[0]) == _is_weekend(departure_s)]
     return min(same_kind or near, key=lambda pair: (pair[1], -pair[0]), default=(None, 0.0))[0]
-
-
-def usual_plan(car: HasTrips, trip_id: str) -> Plan:
-    """Return the plan to drive a trip of a car again: its road and its speeds, without what was known at its departure.
-
-    Parameters
-    ----------
-    car : Car
-        Car with its trips.
-    trip_id : str
-        Name of one of these trips.
-
-    Returns
-    -------
-    Plan
-        For `need` or `ForecastModel.forecast`.
-
-    Raises
-    ------
-    InvalidInput
-        When the car has no sound trip of this name.
-    """
-    logs = car.file.logs("trip_id = ?", trip_id)
-    trips = audit(TripSet(car.name, logs)).trips if logs else ()
-    if not trips:
-        raise InvalidInput.of("no such trip", "trip", trip_id[:60], f"a sound trip of the car {car.name}")
-    return replace(Plan.from_trip(trips[0]), departure=Departure())
 
 
 def _apart_s(one_s: float, other_s: float) -> float:

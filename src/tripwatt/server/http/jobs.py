@@ -22,7 +22,6 @@ from tripwatt.roads.advice import advise
 from tripwatt.roads.advice.preheating import need_before_departure
 from tripwatt.roads.journey import range_km
 from tripwatt.server.cars.documents import require_plausible
-from tripwatt.server.cars.plan import usual_plan
 from tripwatt.server.http import journey_schemas as journey
 from tripwatt.server.http.car_jobs import CarJobs
 from tripwatt.server.http.car_schemas import NewCarRequest
@@ -243,9 +242,8 @@ class Jobs:
             got = "both a distance and a usual trip" if of_trip and request.distance_km else alone
             allowed = "a distance, or a trip of a car"
             raise InvalidInput.of("one of them is needed", "distance_km, trip", got, allowed)
-        ahead: Any = (
-            request.distance_km if request.trip is None else usual_plan(self.cars.car(f"{car}"), request.trip)
-        )
+        trip, distance_km = request.trip, request.distance_km
+        ahead: Any = distance_km if trip is None else self.cars.car(f"{car}").usual_plan(trip)
         asked = request.model_dump(include={"probability", "trips", "reserve", "plug_w"})
         own = car if self.cars.model(car or "") else last_message.get("car")
         about = {"usual_trip": request.trip} | ({} if own is None else {"car": own})
