@@ -43,7 +43,7 @@ def serve(
         list[str] | None,
         option(
             "CAR=SOURCE:TOPIC",
-            "With --mqtt: follow a car; it is made where it is missing. SOURCE: ovms, teslamate, abrp, plain, or a mapping. "
+            "With --mqtt: follow a car; it is made where it is missing. SOURCE: ovms, teslamate, abrp, owntracks, plain, or a mapping. "
             "TOPIC: of whole messages, or above the topics of the values. Repeatable.",
         ),
     ] = None,

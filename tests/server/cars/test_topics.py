@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import json
 import math
+import re
 from pathlib import Path
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from tests.support import ROOT
 
 from tripwatt.errors import InvalidInput, or_none
 from tripwatt.server.cars.telemetry import Sample, format_of
@@ -206,6 +208,42 @@ def test_messages_of_abrp_come_in_one_topic() -> None:
         assert len(f"{refused.value}") < 400
     assert joiner.take("car/other", json.dumps(message).encode(), 0.0) is None
     assert joiner.flush() is None
+
+
+def test_locations_of_owntracks_have_speed_and_height_and_no_charge_of_the_phone() -> None:
+    joiner = TopicJoiner("owntracks", "owntracks/me/phone")
+
+    def take(**fields: object) -> Sample | None:
+        return joiner.take("owntracks/me/phone", json.dumps(fields).encode(), T0 + 5.0)
+
+    sent = {"tst": T0, "vel": 72, "alt": 450, "lat": 48.1, "lon": 11.6, "batt": 85, "acc": 12, "cog": 270}
+    expected = Sample(T0, {"speed_m_s": 20.0, "elevation_m": 450.0})
+    assert take(_type="location", **sent) == expected
+    assert take(_type="location", **sent, t="u", conn="m", topic="owntracks/me/phone") == expected
+    for kind in ("lwt", "transition", "waypoint", "cmd", "card", "status"):
+        assert take(_type=kind, **sent) is None
+    assert joiner.take("owntracks/me/phone/event", json.dumps(sent).encode(), T0) is None
+    assert joiner.flush() is None
+
+
+PAGE = ROOT / "docs" / "howto" / "live.md"
+
+
+def test_statestream_of_home_assistant_is_read_by_the_mapping_of_the_documentation(tmp_path: Path) -> None:
+    (example,) = re.findall(r"```toml\n(.*?)```", PAGE.read_text("utf-8"), re.DOTALL)
+    file = tmp_path / "car.toml"
+    file.write_text(example)
+    joiner = TopicJoiner(f"{file}", "statestream/sensor")
+    given = {"ev_speed": 72, "ev_power": 7.4, "ev_soc": 65, "kitchen": 21}
+    for name, value in given.items():
+        assert joiner.take(f"statestream/sensor/{name}/state", f"{value}".encode(), T0 + 0.2) is None
+        assert joiner.take(f"statestream/sensor/{name}/unit_of_measurement", b'"km/h"', T0 + 0.2) is None
+    assert joiner.take("statestream/sensor/ev_speed/state", b"unavailable", T0 + 0.3) is None
+    found = joiner.flush()
+    assert found is not None
+    assert (found.time_s, found.faults) == (T0, ())
+    assert found.values["current_a"] * found.values["voltage_v"] == pytest.approx(7400.0)
+    assert (found.values["speed_m_s"], found.values["displayed_soc"]) == (20.0, 0.65)
 
 
 @pytest.mark.parametrize(

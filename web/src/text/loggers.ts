@@ -6,6 +6,7 @@ export const LOGGERS = {
   leaf_spy: "Leaf Spy",
   ovms: "OVMS",
   ovms_log: "OVMS",
+  owntracks: "OwnTracks",
   teslalogger: "TeslaLogger",
   teslamate: "TeslaMate",
   torque: "Torque",

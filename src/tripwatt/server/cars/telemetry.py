@@ -119,6 +119,8 @@ class MessageFormat:
         in seconds or milliseconds since 1970 is read from the messages; otherwise the time of arrival is used.
     charging, parked : mapping of str to tuple of str
         Field -> texts, in lower case, that mean that the car is charging or parked.
+    kinds : mapping of str to tuple of str
+        Field -> texts, in lower case, of the messages that count; empty if all do.
     more : mapping of str to str
         Fields that the mapping lacks -> our columns, in our units.
     """
@@ -126,6 +128,7 @@ class MessageFormat:
     mapping_name: str = ""
     charging: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     parked: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    kinds: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     more: Mapping[str, str] = field(default_factory=dict)
 
     @cached_property
@@ -200,13 +203,14 @@ FORMATS: Final[Mapping[str, MessageFormat]] = {
         parked={"is_parked": _TRUE},
         more={"hvac_setpoint": "cabin_setpoint_degc", "current": "current_a"},
     ),
+    "owntracks": MessageFormat("owntracks", kinds={"_type": ("location",)}),
     "plain": MessageFormat(charging={"charging": _TRUE}, parked={"parked": _TRUE}),
 }
 """Name of a sender -> format of its messages. A new sender needs an entry, and a mapping if there is none for its tables.
 
 `ovms`: the metrics of OVMS. `teslamate`: the values of TeslaMate (https://docs.teslamate.org/docs/integrations/mqtt), whose power
 is in whole kilowatts. `abrp`: live data of A Better Routeplanner (https://documenter.getpostman.com/view/7396339/SWTK5a8w), which
-OVMS, TeslaMate, evcc and many adapters send too. `plain`: our own columns. For other senders, `format_of` takes a mapping."""
+OVMS, TeslaMate, evcc and many adapters send too. `owntracks`: location messages of a phone in the car, without its charge. `plain`: our own columns. For other senders, `format_of` takes a mapping."""
 
 
 def format_of(source: str) -> MessageFormat:

@@ -170,4 +170,6 @@ class TopicJoiner:
             allowed = f"JSON of at most {MAX_MESSAGE_BYTES} bytes"
             raise InvalidInput.of("not JSON", "tlm", f"{error}"[:60], allowed) from error
         document = document.get("tlm", document) if isinstance(document, Mapping) else document
+        if self.format.kinds and isinstance(document, Mapping) and not is_set(self.format.kinds, document):
+            return None
         return self.format.sample(document, received_s)
