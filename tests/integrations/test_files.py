@@ -66,7 +66,7 @@ def test_every_text_is_there_in_english_and_german() -> None:
 def test_every_sensor_error_and_action_has_its_text_and_its_icon() -> None:
     texts, icons = read("translations/en.json"), read("icons.json")
     sensors = texts["entity"]["sensor"]
-    assert {sensor.key for sensor in SENSORS} < set(sensors) == set(icons["entity"]["sensor"])
+    assert {sensor.key for sensor in SENSORS} == set(sensors) == set(icons["entity"]["sensor"])
     assert set(sensors) <= constants("sensor.py")
     assert set(texts["entity"]["calendar"]) == set(icons["entity"]["calendar"]) == {"trips"}
     assert set(texts["config"]["error"]) <= constants("config_flow.py")

@@ -17,42 +17,46 @@ EXPIRES_S: Final = 300
 """A figure that is not published again within this time is unavailable [s]: several times the interval for a silent car."""
 
 
-SCALES: Final = {"%": ("* 100", 1), "kWh": ("/ 1000", 2), "km": ("/ 1000", 0), "min": ("/ 60", 1)}
-"""Unit of a sensor -> conversion of the document's figure to this unit, and number of decimals."""
+SCALES: Final = {"%": (100, 1), "kWh": (0.001, 2), "km": (0.001, 0), "min": (1.0 / 60.0, 1)}
+"""Unit of a sensor -> factor of the document's figure to this unit, and number of decimals."""
 
 
 @dataclass(frozen=True, slots=True)
 class Sensor:
-    """One figure of the published document, at `path`; unknown if the figure or the part around it is null."""
+    """One figure of the published document, at a `path` of names; unknown if the figure or a part around it is null."""
 
     key: str
     title: str
     path: str
-    unit: str
+    unit: str | None
     kind: str | None = None
 
     @property
     def template(self) -> str:
         """The template of Home Assistant for the figure."""
-        around = self.path.partition(".")[0]
-        condition = f"value_json.{around} is not none and value_json.{self.path} is not none"
-        scale, digits = SCALES[self.unit]
-        return f"{{{{ ((value_json.{self.path} {scale}) | round({digits})) if {condition} else none }}}}"
+        value = "value_json"
+        for name in self.path.split("/"):
+            value = f"({value} or {{}})['{name}']"
+        figure = "(v * {}) | round({})".format(*SCALES[self.unit]) if self.unit else "v"
+        return f"{{% set v = {value} | default(none) %}}{{{{ none if v is none else {figure} }}}}"
 
 
 SENSORS: Final = (
     Sensor("soc", "Charge", "soc", "%", "battery"),
-    Sensor("energy", "Energy of the trip", "forecast.energy_wh", "kWh", "energy_storage"),
-    Sensor("arrival", "Charge at arrival", "forecast.soc_quantiles['0.5']", "%"),
-    Sensor("arrival_low", "Charge at arrival, 5 %", "forecast.soc_quantiles['0.05']", "%"),
-    Sensor("arrival_high", "Charge at arrival, 95 %", "forecast.soc_quantiles['0.95']", "%"),
-    Sensor("p_arrive", "Chance to arrive with the reserve", "forecast.p_arrive", "%"),
-    Sensor("p_arrive_at_all", "Chance to arrive at all", "forecast.p_arrive_at_all", "%"),
-    Sensor("range", "Range", "range.range_m", "km", "distance"),
-    Sensor("need", "Energy of the next trip", "need.energy_quantile_wh", "kWh", "energy_storage"),
-    Sensor("soc_needed", "Charge to leave with", "need.soc_needed", "%"),
-    Sensor("charge", "Energy to charge", "need.charge_wh", "kWh", "energy_storage"),
+    Sensor("energy", "Energy of the trip", "forecast/energy_wh", "kWh", "energy_storage"),
+    Sensor("arrival", "Charge at arrival", "forecast/soc_quantiles/0.5", "%"),
+    Sensor("arrival_low", "Charge at arrival, 5 %", "forecast/soc_quantiles/0.05", "%"),
+    Sensor("arrival_high", "Charge at arrival, 95 %", "forecast/soc_quantiles/0.95", "%"),
+    Sensor("p_arrive", "Chance to arrive with the reserve", "forecast/p_arrive", "%"),
+    Sensor("p_arrive_at_all", "Chance to arrive at all", "forecast/p_arrive_at_all", "%"),
+    Sensor("range", "Range", "range/range_m", "km", "distance"),
+    Sensor("need", "Energy of the next trip", "need/energy_quantile_wh", "kWh", "energy_storage"),
+    Sensor("soc_needed", "Charge to leave with", "need/soc_needed", "%"),
+    Sensor("charge", "Energy to charge", "need/charge_wh", "kWh", "energy_storage"),
     Sensor("silence", "Time since the last message", "seconds_since_message", "min", "duration"),
+    Sensor("charging", "Time to charge", "need/charging_s", "min", "duration"),
+    Sensor("departs_at", "Next departure", "need/departs_at", None, "timestamp"),
+    Sensor("preheat_at", "Start of preheating", "need/preheat/starts_at", None, "timestamp"),
 )
 
 
@@ -91,7 +95,7 @@ def discovery(car: str, topic: str, prefix: str) -> Iterator[tuple[str, dict[str
             "value_template": sensor.template,
             "unit_of_measurement": sensor.unit,
             "device_class": sensor.kind,
-            "state_class": "measurement",
+            "state_class": sensor.unit and "measurement",
             "device": device,
         }
         yield f"{prefix}/sensor/{node}/{sensor.key}/config", message

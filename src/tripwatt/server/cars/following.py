@@ -260,8 +260,7 @@ class Follower:
         if previous is not None and previous[0] == lasting and now_s < previous[1] + AGE_S:
             return
         if previous is None and self.settings.announce_below:
-            messages = discovery(name, self.settings.publish_to, self.settings.announce_below)
-            for topic, message in messages:
+            for topic, message in discovery(name, self.settings.publish_to, self.settings.announce_below):
                 await client.publish(topic, json.dumps(message), qos=1, retain=True)
         self._published[name] = lasting, now_s
         await self._publish(client, f"/{name}", json.dumps(document))
