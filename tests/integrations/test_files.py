@@ -78,6 +78,48 @@ def test_every_sensor_error_and_action_has_its_text_and_its_icon() -> None:
         assert set(action["fields"]) == set(texts["services"][name]["fields"]), name
 
 
+BRONZE = (
+    "action-setup", "appropriate-polling", "brands", "common-modules", "config-flow-test-coverage", "config-flow",
+    "dependency-transparency", "docs-actions", "docs-high-level-description", "docs-installation-instructions",
+    "docs-removal-instructions", "entity-event-setup", "entity-unique-id", "has-entity-name", "runtime-data",
+    "test-before-configure", "test-before-setup", "unique-config-entry",
+)  # fmt: skip
+SILVER = (
+    "action-exceptions", "config-entry-unloading", "docs-configuration-parameters", "docs-installation-parameters",
+    "entity-unavailable", "integration-owner", "log-when-unavailable", "parallel-updates", "reauthentication-flow",
+    "test-coverage",
+)  # fmt: skip
+
+
+def shows(evidence: str) -> bool:
+    """Whether a test, a section of a page or a file is there."""
+    path, mark, name = re.fullmatch(r"([\w./-]+?)(?:(::|#)([\w-]+))?", evidence).groups()  # type: ignore[union-attr]
+    if not (ROOT / path).is_file():
+        return False
+    text = (ROOT / path).read_text("utf-8")
+    if mark == "::":
+        tree = ast.parse(text)
+        return any(isinstance(node, ast.FunctionDef) and node.name == name for node in tree.body)
+    headings = re.findall(r"^#+ (.+)$", text, re.MULTILINE)
+    return mark is None or name in {heading.lower().replace(" ", "-") for heading in headings}
+
+
+def test_every_rule_of_the_bronze_and_silver_scale_is_done_and_shown_or_exempt_with_a_reason() -> None:
+    rules = yaml.safe_load((OURS / "quality_scale.yaml").read_text("utf-8"))["rules"]
+    assert tuple(rules) == BRONZE + SILVER
+    for rule, row in rules.items():
+        assert set(row) == {"status", "comment"}, rule
+        if row["status"] == "done":
+            missing = [one for one in row["comment"].split(", ") if not shows(one)]
+            assert missing == [], rule
+        else:
+            assert row["status"] == "exempt", rule
+            assert row["comment"].endswith("."), rule
+    assert not shows("tests/integrations/test_files.py::test_that_is_not_there")
+    assert not shows("docs/howto/home-assistant-evcc.md#nowhere")
+    assert not shows("no/such/file.py")
+
+
 def test_all_parts_have_the_version_of_the_project() -> None:
     manifest = read("manifest.json")
     add_on = yaml.safe_load((ADD_ON / "config.yaml").read_text("utf-8"))

@@ -18,7 +18,7 @@ from tests.support.roads import osrm
 from tests.support.router_server import answering, write_map
 from tests.support.service_process import TOKEN, Service, free_port, serving, wait_for
 
-from tripwatt.server.cars.discovery import SENSORS
+from tripwatt.server.cars.discovery import SENSORS, discovery
 from tripwatt.server.cars.folder import issue_token
 
 HASS, WHY = environment()
@@ -26,8 +26,6 @@ pytestmark = pytest.mark.skipif(HASS is None, reason=WHY)
 
 OTHER_TOKEN = "another-token-for-tests"
 TOKENS = (TOKEN, OTHER_TOKEN)
-MORE_SENSORS = {"charging", "departs_at", "preheat_at"}
-"""Those that the service does not publish over MQTT."""
 EVERY_S = 5
 UNKNOWN = ("unknown", "unavailable")
 LINKS = [{"length_m": 12_000.0, "speed_m_s": 14.0}, {"length_m": 25_000.0, "speed_m_s": 27.0}]
@@ -155,12 +153,12 @@ def several(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Served]:
         yield service
 
 
-def add(hass: HomeAssistant, served: Served, **calendars: str) -> str:
-    """Add a service that is asked every few seconds; returns the id of its entry."""
+def add(hass: HomeAssistant, served: Served, every_s: int = EVERY_S, **calendars: str) -> str:
+    """Add a service that is asked every few seconds where it has no stream; returns the id of its entry."""
     step = hass.flow("tripwatt", served.form)
     assert step["type"] == "create_entry", step
     entry: str = step["result"]["entry_id"]
-    options = {"interval_s": EVERY_S, "probability": 90}
+    options = {"interval_s": every_s, "probability": 90}
     assert hass.flow(entry, options, calendars, kind="options/flow")["type"] == "create_entry"
     assert wait_for(lambda: hass.entries()[0]["state"] == "loaded")
     return entry
@@ -248,7 +246,7 @@ def test_every_figure_of_a_car_is_an_entity_and_new_cars_come_by_themselves(
     hass: HomeAssistant, served: Served
 ) -> None:
     entry = add(hass, served)
-    keys = {sensor.key for sensor in SENSORS} | MORE_SENSORS
+    keys = {sensor.key for sensor in SENSORS}
     assert set(hass.registered()) == {f"{entry}_leaf_{key}" for key in keys}
     assert {state["entity_id"].partition(".")[0] for state in hass.states("leaf").values()} == {"sensor"}
     figures = hass.figures("leaf")
@@ -283,19 +281,99 @@ def test_every_figure_of_a_car_is_an_entity_and_new_cars_come_by_themselves(
     assert set(hass.devices()) == {"leaf"}
 
 
-def test_titles_units_and_classes_are_those_over_mqtt(hass: HomeAssistant, served: Served) -> None:
+CLASSES = ("unit_of_measurement", "device_class", "state_class")
+
+
+def test_the_entities_are_those_over_mqtt(hass: HomeAssistant, served: Served) -> None:
+    """Keys, names, units and classes; a class `battery` is of the measured charge only, and a figure has statistics."""
     add(hass, served)
-    shown = {}
-    for key, state in hass.states("leaf").items():
-        attributes = state["attributes"]
-        title = attributes["friendly_name"].removeprefix("leaf ")
-        shown[key] = (title, attributes.get("unit_of_measurement"), attributes.get("device_class"))
-    wanted = {sensor.key: (sensor.title, sensor.unit, sensor.kind) for sensor in SENSORS}
-    assert shown == wanted | {
-        "charging": ("Time to charge", "min", "duration"),
-        "departs_at": ("Next departure", None, "timestamp"),
-        "preheat_at": ("Start of preheating", None, "timestamp"),
+    shown = {
+        key: (
+            state["attributes"]["friendly_name"].removeprefix("leaf "),
+            *map(state["attributes"].get, CLASSES),
+        )
+        for key, state in hass.states("leaf").items()
     }
+    announced = dict(discovery("leaf", "tripwatt", "homeassistant"))
+    over_mqtt = {
+        topic.split("/")[-2]: (message["name"], *map(message.get, CLASSES))
+        for topic, message in announced.items()
+    }
+    assert shown == over_mqtt
+    assert [key for key, about in shown.items() if "battery" in about] == ["soc"]
+    assert {key for key, about in shown.items() if about[-1] is None} == {"departs_at", "preheat_at"}
+
+
+def test_the_recorder_compiles_statistics_of_all_figures(hass: HomeAssistant, served: Served) -> None:
+    served.park("leaf", 0.61)
+    add(hass, served)
+    wait_until(soc_of(hass), "61.0")
+    ids = {key: state["entity_id"] for key, state in hass.states("leaf").items()}
+    figures = {ids[key]: float(text) for key, text in hass.figures("leaf").items() if not key.endswith("_at")}
+    hass("/services/compile_statistics/now", {})
+    kept = hass.websocket("recorder/list_statistic_ids", statistic_type="mean")
+    assert {row["statistic_id"] for row in kept if row["statistic_id"] in ids.values()} == set(figures)
+    since = (dt.datetime.now(dt.UTC) - dt.timedelta(minutes=10)).isoformat()
+    asked = {"start_time": since, "statistic_ids": [*figures], "period": "5minute"}
+    found = hass.websocket("recorder/statistics_during_period", **asked)
+    assert set(found) == set(figures)
+    last = {entity: rows[-1] for entity, rows in found.items()}
+    for entity, value in figures.items():
+        if entity != ids["silence"]:  # it grows
+            least, mean, most = (last[entity][name] for name in ("min", "mean", "max"))
+            assert least - 1e-9 <= value <= most + 1e-9
+            assert least - 1e-9 <= mean <= most + 1e-9
+    issues = hass.websocket("recorder/validate_statistics")
+    assert [entity for entity in ids.values() if entity in issues] == []
+
+
+def questions(served: Served) -> int:
+    """How often the service was asked for the state of its cars."""
+    return sum(row.get("path") == "/v1/live" for row in served.service.records())
+
+
+def test_news_is_shown_at_once_and_nobody_asks_while_the_stream_is_open(
+    hass: HomeAssistant, served: Served
+) -> None:
+    add(hass, served, every_s=600)
+    asked, before = None, hass.states("leaf")["silence"]
+    for soc in (0.5, 0.25, 0.75):
+        served.park("leaf", soc)
+        wait_until(soc_of(hass), str(100.0 * soc))
+        asked = questions(served) if asked is None else asked
+    assert questions(served) == asked
+    assert hass.states("leaf")["silence"]["last_updated"] > before["last_updated"]
+    served.plan("leaf", reserve=0.3)
+    wait_until(lambda: hass.states("leaf")["soc_needed"]["attributes"]["reserve"], 0.3)
+    assert questions(served) == asked
+
+
+def test_a_service_whose_stream_is_refused_is_asked_until_it_is_open(
+    hass: HomeAssistant, tmp_path: Path
+) -> None:
+    with started(tmp_path, "leaf", limit="listeners=1") as service:
+        service.plan("leaf", reserve=0.1)
+        service.park("leaf", 0.6)
+        with service.service.client.stream("GET", "/v1/events") as taken:
+            assert taken.status_code == 200
+            add(hass, service)
+            first = questions(service)
+            service.park("leaf", 0.5)
+            wait_until(soc_of(hass), "50.0")
+            assert wait_for(lambda: questions(service) >= first + 2, 12 * EVERY_S)
+        streams: list[int] = []
+
+        def is_quiet() -> bool:
+            streams.append(questions(service))
+            time.sleep(2.5 * EVERY_S)
+            return questions(service) == streams[-1]
+
+        assert wait_for(is_quiet, 12 * EVERY_S)
+        service.park("leaf", 0.4)
+        wait_until(soc_of(hass), "40.0")
+        assert questions(service) == streams[-1]
+        (entry,) = hass.entries()
+        hass(f"/config/config_entries/entry/{entry['entry_id']}", method="DELETE")
 
 
 def test_states_follow_a_car_that_drives(hass: HomeAssistant, several: Served) -> None:

@@ -660,19 +660,24 @@ def test_a_plan_over_mqtt_is_set_removed_or_logged(served: Served) -> None:
     assert served("/v1/live/leaf").json()["plan"] is None
 
 
-def test_the_stream_of_a_car_that_is_deleted_ends(served: Served, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("of_all", [False, True])
+def test_a_stream_with_a_car_that_is_deleted_ends(
+    served: Served, monkeypatch: pytest.MonkeyPatch, of_all: bool
+) -> None:
+    """A listener opens it again, and finds the cars that are left."""
     cars = _cars(served)
     quick(cars, monkeypatch)
     car = cars.by_name("leaf")
 
     async def listen() -> int:
         found = 0
-        async for _ in cars.events(car, anyio.Event()):
+        async for _ in cars.events(None if of_all else car, anyio.Event()):
             found += 1
-            await cars.drop("leaf")
+            if found == 1 + of_all:
+                await cars.drop("leaf")
         return found
 
-    assert asyncio.run(listen()) == 1
+    assert asyncio.run(listen()) == 1 + of_all
     assert [row["car"] for row in served("/v1/live").json()["cars"]] == ["zoe"]
 
 

@@ -32,6 +32,7 @@ async def async_setup_entry(hass: HomeAssistant, entry: TripwattEntry) -> bool:
     entry.runtime_data = coordinator
     await hass.config_entries.async_forward_entry_setups(entry, PLATFORMS)
     entry.async_on_unload(entry.add_update_listener(_reload))
+    entry.async_create_background_task(hass, coordinator.listen(), "tripwatt: stream")
     return True
 
 

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import json
+from collections.abc import AsyncGenerator, Mapping
 from typing import Any, Final
 
 from aiohttp import ClientError, ClientSession, ClientTimeout
@@ -10,6 +11,12 @@ from yarl import URL
 
 TIMEOUT: Final = ClientTimeout(total=60)
 """The service itself gives up on a forecast after 20 s, on a journey with many stations later."""
+
+STREAM_TIMEOUT: Final = ClientTimeout(total=None, sock_connect=10, sock_read=60)
+"""A stream without news has a comment every 15 s."""
+
+MAX_EVENT_BYTES: Final = 1 << 24
+"""Largest event; the state of a car has some kilobytes."""
 
 
 class ServiceAwayError(Exception):
@@ -100,11 +107,42 @@ class ServiceClient:
             "PUT", path, json={n: value for n, value in body.items() if value is not None}
         )
 
+    async def events(self) -> AsyncGenerator[dict[str, Any]]:
+        """The states of the cars on the road, each when it changes; an empty one tells that the stream is open.
+
+        Raises
+        ------
+        ServiceAwayError, TokenRefusedError, ServiceProblemError
+        """
+        try:
+            async with self._session.get(
+                self._at("/v1/events"), headers=self._headers, timeout=STREAM_TIMEOUT, allow_redirects=False
+            ) as answer:
+                if answer.status != 200:
+                    raise self._refusal(answer.status, await answer.json(content_type=None))
+                if answer.content_type != "text/event-stream":
+                    raise NoServiceError(f"{self._url}: no stream of tripwatt")
+                yield {}
+                rest = b""
+                async for chunk in answer.content.iter_any():
+                    *events, rest = (rest + chunk).split(b"\n\n")
+                    if len(rest) > MAX_EVENT_BYTES:
+                        raise NoServiceError(f"{self._url}: an event without an end")
+                    for event in events:
+                        lines = [line[5:] for line in event.splitlines() if line.startswith(b"data:")]
+                        yield json.loads(b"\n".join(lines)) if lines else {}
+        except ValueError as error:
+            raise NoServiceError(f"{self._url}: no answer of tripwatt") from error
+        except (ClientError, TimeoutError) as error:
+            raise ServiceAwayError(f"{self._url}: {error!r}") from error
+
+    def _at(self, path: str) -> URL:
+        return self._url.with_path(self._url.path.rstrip("/") + path)
+
     async def _answer(self, method: str, path: str, **more: Any) -> Any:
-        url = self._url.with_path(self._url.path.rstrip("/") + path)
         try:
             async with self._session.request(
-                method, url, headers=self._headers, timeout=TIMEOUT, allow_redirects=False, **more
+                method, self._at(path), headers=self._headers, timeout=TIMEOUT, allow_redirects=False, **more
             ) as answer:
                 document = await answer.json(content_type=None)
         except ValueError as error:
@@ -113,13 +151,15 @@ class ServiceClient:
             raise ServiceAwayError(f"{self._url}: {error!r}") from error
         if answer.status == 200 and isinstance(document, dict):
             return document
+        raise self._refusal(answer.status, document)
+
+    def _refusal(self, status: int, document: Any) -> Exception:
+        """What an answer means that is not a good one."""
         if not isinstance(document, dict) or not str(document.get("type", "")).startswith("/problems/"):
-            kind = (
-                ServiceAwayError if answer.status >= 500 else NoServiceError
-            )  # a proxy whose service is away
-            raise kind(f"{self._url}: status {answer.status}, no answer of tripwatt")
-        if answer.status == 401:
-            raise TokenRefusedError(str(document.get("detail", "")))
-        if answer.status in (429, 502, 503, 504):
-            raise ServiceAwayError(f"{self._url}: {document.get('title')}")
-        raise ServiceProblemError(document)
+            kind = ServiceAwayError if status >= 500 else NoServiceError  # a proxy whose service is away
+            return kind(f"{self._url}: status {status}, no answer of tripwatt")
+        if status == 401:
+            return TokenRefusedError(str(document.get("detail", "")))
+        if status in (429, 502, 503, 504):
+            return ServiceAwayError(f"{self._url}: {document.get('title')}")
+        return ServiceProblemError(document)

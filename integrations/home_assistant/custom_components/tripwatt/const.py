@@ -15,9 +15,15 @@ CONF_RESERVE: Final = "reserve"
 CONF_WEATHER: Final = "weather"
 
 INTERVAL_S: Final = 30
-"""Time between two questions to the service [s]; cars send more often, and a forecast changes slowly."""
+"""Time between two questions to a service without a stream [s]; with one, between two looks at calendars and clocks."""
 
-PROBABILITY: Final = 90
+NEWS_S: Final = 1.0
+"""News of the stream within this time are shown together [s]."""
+
+AGAIN_S: Final = 1.0
+"""A stream that ended is opened again after this time [s], and after that in the time between two questions."""
+
+PROBABILITY: Final = 95
 """Chance with which the charge of the next trip suffices [%]; that of the figures over MQTT."""
 
 AHEAD_EVERY_S: Final = 600

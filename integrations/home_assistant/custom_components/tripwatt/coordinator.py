@@ -1,10 +1,12 @@
-"""What the service knows of its cars, asked again and again."""
+"""What the service knows of its cars, as it streams it; asked again and again only while there is no stream."""
 
 from __future__ import annotations
 
+import asyncio
 import logging
 import time
 from collections.abc import Iterable
+from contextlib import aclosing
 from dataclasses import dataclass
 from datetime import datetime, timedelta
 from typing import Any, TypeAlias
@@ -14,10 +16,12 @@ from homeassistant.const import CONF_TOKEN, CONF_URL
 from homeassistant.core import HomeAssistant
 from homeassistant.exceptions import ConfigEntryAuthFailed
 from homeassistant.helpers.aiohttp_client import async_get_clientsession
+from homeassistant.helpers.debounce import Debouncer
 from homeassistant.helpers.update_coordinator import DataUpdateCoordinator, UpdateFailed
 
 from .client import ServiceAwayError, ServiceClient, ServiceProblemError, TokenRefusedError
 from .const import (
+    AGAIN_S,
     AHEAD_EVERY_S,
     CONF_CALENDARS,
     CONF_INTERVAL,
@@ -27,6 +31,7 @@ from .const import (
     CONF_WEATHER,
     DOMAIN,
     INTERVAL_S,
+    NEWS_S,
     PROBABILITY,
 )
 from .trips import CalendarTrip, next_trip
@@ -60,6 +65,14 @@ class CarState:
     described: bool
     """whether the service keeps a description of the car, and with it a model"""
     ahead: Ahead
+    read_s: float
+    """when it was read, on the clock that only goes on [s]"""
+
+    @property
+    def silence_s(self) -> float | None:
+        """Time since the last message of the car, which grows without news [s]."""
+        then_s: float | None = self.live["seconds_since_message"]
+        return None if then_s is None else then_s + time.monotonic() - self.read_s
 
     @property
     def known(self) -> dict[str, Any]:
@@ -81,11 +94,45 @@ class TripwattCoordinator(DataUpdateCoordinator[dict[str, CarState]]):
 
     def __init__(self, hass: HomeAssistant, entry: TripwattEntry) -> None:
         interval = timedelta(seconds=entry.options.get(CONF_INTERVAL, INTERVAL_S))
-        super().__init__(hass, _LOGGER, config_entry=entry, name=DOMAIN, update_interval=interval)
+        super().__init__(
+            hass,
+            _LOGGER,
+            config_entry=entry,
+            name=DOMAIN,
+            update_interval=interval,
+            request_refresh_debouncer=Debouncer(hass, _LOGGER, cooldown=NEWS_S, immediate=True),
+        )
         session = async_get_clientsession(hass)
         self.client = ServiceClient(session, entry.data[CONF_URL], entry.data.get(CONF_TOKEN, ""))
         self._has_map: bool | None = None
         self.has_weather = False
+        self._lives: dict[str, tuple[dict[str, Any], float]] = {}
+        self._described: set[str] = set()
+        self._is_open = False  # the stream
+
+    async def listen(self) -> None:
+        """Take the states of the cars as the service streams them. A stream that ends is opened again; meanwhile the service is asked."""
+        while True:
+            try:
+                async with aclosing(self.client.events()) as events:
+                    async for live in events:
+                        self._is_open = True
+                        if live:
+                            await self._take(live)
+            except (ServiceAwayError, ServiceProblemError, TokenRefusedError) as error:
+                _LOGGER.debug("no stream: %s", error)
+            was_open, self._is_open = self._is_open, False
+            if was_open:
+                await self.async_refresh()
+            assert self.update_interval is not None
+            interval_s = self.update_interval.total_seconds()
+            await asyncio.sleep(AGAIN_S if was_open and self.last_update_success else interval_s)
+
+    async def _take(self, live: dict[str, Any]) -> None:
+        if live["car"] not in self._lives:
+            await self._ask_descriptions()
+        self._lives[live["car"]] = live, time.monotonic()
+        await self.async_request_refresh()
 
     async def _async_update_data(self) -> dict[str, CarState]:
         try:
@@ -100,19 +147,22 @@ class TripwattCoordinator(DataUpdateCoordinator[dict[str, CarState]]):
             ) from error
 
     async def _cars(self) -> dict[str, CarState]:
-        names = [row["car"] for row in (await self.client.get("/v1/live"))["cars"]]
-        described = {row["name"] for row in (await self.client.get("/v1/cars"))["cars"] or ()}
+        if not self._is_open:
+            lives = (await self.client.get("/v1/live"))["cars"]
+            self._lives = {live["car"]: (live, time.monotonic()) for live in lives}
+            await self._ask_descriptions()
         if self._has_map is None:
             known = await self.client.get("/v1/map")
             self._has_map, self.has_weather = known["roads"], known["weather"]
-        cars = {}
-        for name in names:
-            live = await self.client.get(f"/v1/live/{name}")
-            before = self.data[name].ahead if self.data and name in self.data else None
-            cars[name] = await self._car(live, name in described, before)
-        return cars
+        before = self.data or {}
+        return {name: await self._car(name, before.get(name)) for name in sorted(self._lives)}
 
-    async def _car(self, live: dict[str, Any], described: bool, before: Ahead | None) -> CarState:
+    async def _ask_descriptions(self) -> None:
+        self._described = {row["name"] for row in (await self.client.get("/v1/cars"))["cars"] or ()}
+
+    async def _car(self, name: str, earlier: CarState | None) -> CarState:
+        live, read_s = self._lives[name]
+        described, before = name in self._described, None if earlier is None else earlier.ahead
         source = self.config_entry.options.get(CONF_CALENDARS, {}).get(live["car"])
         trip = None if source is None else await next_trip(self.hass, source)
         air_degc = await self.air_degc(trip)
@@ -128,8 +178,8 @@ class TripwattCoordinator(DataUpdateCoordinator[dict[str, CarState]]):
             time.time() // AHEAD_EVERY_S,
         )
         if before is not None and before.made_of == made_of:
-            return CarState(live, described, before)
-        state = CarState(live, described, Ahead(made_of, trip, None, None))
+            return CarState(live, described, before, read_s)
+        state = CarState(live, described, Ahead(made_of, trip, None, None), read_s)
         try:
             if live["trip"] is None:
                 state.ahead.need = await self.need(state, trip)

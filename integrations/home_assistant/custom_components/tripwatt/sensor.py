@@ -158,7 +158,7 @@ SENSORS: Final = (
     ),
     _percent("soc_needed", _of_need("soc_needed", 100.0), more=_need_in_words),
     _energy("charge", _of_need("charge_wh", 0.001)),
-    _duration("silence", _of_live("seconds_since_message", factor=1.0 / 60.0)),
+    _duration("silence", lambda car: _figure(car.silence_s, 1.0 / 60.0)),
     _duration("charging", _of_need("charging_s", 1.0 / 60.0)),
     _time("departs_at", "departs_at"),
     _time("preheat_at", "preheat", "starts_at"),

@@ -370,7 +370,7 @@ class LiveCars:
         )
 
     async def events(self, car: Car | None, ending: anyio.Event) -> AsyncIterator[ServerSentEvent]:
-        """Yield documents of a car, or of all, as events: one at once, then one after each change, until the service or the following ends.
+        """Yield documents of a car, or of all, as events: one at once, then one after each change, until the service ends or follows one of them no more.
 
         Yields
         ------
@@ -378,7 +378,7 @@ class LiveCars:
             An event `live` whose data is a `LiveResponse`.
         """
         sent: dict[str, tuple[Any, ...]] = {}
-        while not ending.is_set() and (car is None or self.cars.get(car.name) is car):
+        while not ending.is_set() and sent.keys() <= self.cars.keys() and car in (None, *self.cars.values()):
             for each in [*self.cars.values()] if car is None else [car]:
                 if sent.get(each.name) != each.live_state:
                     sent[each.name] = each.live_state
