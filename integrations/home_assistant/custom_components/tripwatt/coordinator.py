@@ -171,6 +171,7 @@ class TripwattCoordinator(DataUpdateCoordinator[dict[str, CarState]]):
             live["soc"],
             live["trip"] is None,
             live["plan"],
+            live["forecast"],  # of another plan, it is another one
             live["usual_trip"],
             live[AIR],
             trip,
