@@ -623,6 +623,7 @@ def test_a_service_that_moved_is_found_at_its_new_address(
     gone = hass(path, {**served.form, "url": f"http://127.0.0.1:{free_port()}"})
     assert gone["errors"] == {"base": "cannot_connect"}
     assert hass(path, several.form)["reason"] == "reconfigure_successful"
+    several.park("zoe", 0.35)
     wait_until(soc_of(hass, "zoe"), "35.0")
     assert [row["entry_id"] for row in hass.entries()] == [entry]
     assert hass.flow("tripwatt", several.form)["reason"] == "already_configured"
