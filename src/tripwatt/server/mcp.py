@@ -31,8 +31,9 @@ LEFT_OUT: Final = ("series", "samples", "line", "course", "links", "learning", "
 EXACT: Final = ("latitude_deg", "longitude_deg", "coordinates")
 """Fields of answers that are not rounded: four digits of a degree are a kilometre or more."""
 
-NOT_ASKED: Final = ("x-", "samples", "elevation", "Elevation", "covariates", "title", "departure", "Departure")
-"""Beginnings of the names of what the schema of a request leaves out: parts of a form, names for people, and what has thousands of numbers."""
+NOT_ASKED: Final = ("x-", "samples", "elevation", "covariates", "title", "departure")
+"""Beginnings of the names, in lower case, of what the schema of a request leaves out: parts of a form, names for people, what has thousands of
+numbers, and the second form of a departure."""
 
 
 WORD: Final = re.compile(r"[a-z]\w*")
@@ -187,7 +188,7 @@ def _describe_tools(names: Sequence[str], remote: bool) -> Iterator[Tool]:
 def _without_form(pairs: Sequence[tuple[str, Any]]) -> dict[str, Any]:
     """Return an object of a schema without null, and without what only a form needs."""
     parts = without_null(dict(pairs)).items()
-    return {name: v for name, v in parts if v is not None and not name.startswith(NOT_ASKED)}
+    return {name: v for name, v in parts if v is not None and not name.lower().startswith(NOT_ASKED)}
 
 
 def _shortened(value: Any, name: str = "") -> Any:

@@ -208,7 +208,7 @@ class Plan(Sampled):
         """
         validate_samples(samples, trip_id)
         # by place, which takes half the time of names
-        places = [samples.columns.get_loc(name) for name in ROUTE_COLUMNS if name in samples.columns]
+        places = [list(samples.columns).index(name) for name in ROUTE_COLUMNS if name in samples.columns]
         route = samples.iloc[:, places]
         sound, more = _sound({str(name): route[name].to_numpy(dtype=np.float64) for name in route})
         route = route.assign(**sound) if more else route

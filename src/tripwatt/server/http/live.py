@@ -32,7 +32,7 @@ from tripwatt.server.http.car_jobs import CarJobs, car_folder
 from tripwatt.server.http.car_schemas import LivePlanRequest
 from tripwatt.server.http.jobs import Jobs, no_description_flag
 from tripwatt.server.http.pool import JobResult, WorkerPool, cancel_all
-from tripwatt.server.http.problems import Problem, fault_document, invalid_input
+from tripwatt.server.http.problems import Problem, fault_document, problem_of
 from tripwatt.server.http.schemas import check_request, json_object
 from tripwatt.server.http.settings import Settings
 from tripwatt.server.http.sharing import Places
@@ -247,10 +247,8 @@ class LiveCars:
         """Store what a car sent over MQTT, unless the car was forgotten; return the response of HTTP if something is wrong with it."""
         try:
             answer = await self.take(self.cars[name], read) if name in self.cars else {}
-        except InvalidInput as error:
-            return invalid_input(error.faults).document()
-        except Problem as problem:
-            return problem.document()
+        except (InvalidInput, Problem) as error:
+            return problem_of(error).document()
         return answer if answer.get("ignored") else None
 
     async def plan_published(self, name: str, payload: bytes) -> None:
