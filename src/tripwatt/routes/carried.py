@@ -13,8 +13,11 @@ from tripwatt.trips.flags import Flag
 from tripwatt.trips.plan import Pause
 from tripwatt.units import M_S_PER_KM_H
 
-CARRIED: Final = frozenset({"ferry", "rail-ferry", "rail_ferry", "train"})
-"""Words of routers for a ferry or a train: `mode` of OSRM, `use` of Valhalla's edges, `road_environment` of GraphHopper."""
+CARRIED: Final = frozenset(
+    {"ferry", "rail-ferry", "rail_ferry", "train", "carShuttleTrain", "FERRY", "CAR_TRAIN"}
+)
+"""Words of routers for a ferry or a train: `mode` of OSRM and HERE, `use` of Valhalla's edges, `road_environment` of GraphHopper,
+`sectionType` of TomTom."""
 
 
 def carried_steps(steps: Sequence[Node]) -> BoolArray:

@@ -308,7 +308,7 @@ def _elevation(
 
 
 def is_links_table(data: bytes) -> bool:
-    r"""Whether a text begins with the header of a table of links: it has a length and no time of samples.
+    r"""Whether a text begins with the header of a table of links: it has a length and no time of samples, and is not JSON.
 
     Parameters
     ----------
@@ -322,11 +322,12 @@ def is_links_table(data: bytes) -> bool:
 
     Examples
     --------
-    >>> is_links_table(b"length_m,speed_m_s\n"), is_links_table(b"time_s,speed_m_s\n"), is_links_table(b"<gpx/>")
-    (True, False, False)
+    >>> [is_links_table(text) for text in (b"length_m,speed_m_s\n", b"time_s,speed_m_s\n", b'[{"time":1,"length":2}]')]
+    [True, False, False]
     """
     names = _header_cells(data.partition(b"\n")[0][:4000].decode("utf-8-sig", "replace"))[0]
-    return any(n.startswith("length") for n in names) and not any(n.startswith("time") for n in names)
+    starts = {start for start in ("length", "time", "{", "[") for name in names if name.startswith(start)}
+    return starts == {"length"}
 
 
 def route_from_table(data: bytes, where: str = "links") -> LinkRoute:

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import string
 from typing import Final
 
 import numpy as np
 import numpy.typing as npt
 
-from tripwatt.arrays import FloatArray, running_sum
+from tripwatt.arrays import FloatArray, IntArray, running_sum
 from tripwatt.errors import Fault, InvalidInput, and_more, raise_faults
 
 EARTH_RADIUS_M: Final = 6_371_008.8
@@ -15,6 +16,9 @@ EARTH_RADIUS_M: Final = 6_371_008.8
 
 MAX_POINTS: Final = 500_000
 """Largest number of points in one route: 139 hours at one point a second."""
+
+_FLEXIBLE: Final = string.ascii_uppercase + string.ascii_lowercase + string.digits + "-_"
+"""Characters of a flexible polyline in the order of their values."""
 
 
 def haversine_m(latitude_deg: npt.ArrayLike, longitude_deg: npt.ArrayLike) -> FloatArray:
@@ -109,23 +113,59 @@ def decode_polyline(text: str, where: str, *, precision: float = 1e5, dimensions
     array([[  38.5 , -120.2 ],
            [  40.7 , -120.95]])
     """
-    if len(text) > 32 * MAX_POINTS:
-        raise InvalidInput.of("polyline too long", where, f"{len(text)} characters", f"{32 * MAX_POINTS}")
     chunks = np.frombuffer(text.encode("utf-32-le", "surrogatepass"), dtype=np.uint32).astype(np.int64) - 63
-    ends = np.flatnonzero(chunks < 0x20)  # the last character of each number lacks the bit for "more follow"
+    return _points(_numbers(chunks, where), where, [precision, precision, 100.0][:dimensions])
+
+
+def decode_flexible_polyline(text: str, where: str) -> FloatArray:
+    """Decode a flexible polyline of HERE to latitudes, longitudes [°] and heights [m] (NaN = not given), shape (points, 3).
+
+    Raises
+    ------
+    InvalidInput
+        As `decode_polyline`.
+
+    Notes
+    -----
+    The format is that of https://github.com/heremaps/flexible-polyline, whose package `flexpolyline` (0.1.0) reads one point after the other.
+
+    Examples
+    --------
+    >>> decode_flexible_polyline("BFoz5xJ67i1B1B7PzIhaxL7Y", "example")[:2].tolist()
+    [[50.10228, 8.69821, nan], [50.10201, 8.69567, nan]]
+    """
+    numbers = _numbers(np.array([_FLEXIBLE.find(letter) for letter in text], dtype=np.int64), where)
+    header = int(numbers[1]) if len(numbers) > 1 and numbers[0] == 1 else 15
+    kind, precision, third = header >> 4 & 7, 10.0 ** (header & 15), 10.0 ** (header >> 7 & 15)
+    points = _points(numbers[2:], where, [precision, precision, third][: 3 if kind else 2])
+    # the third number is an altitude (2) or an elevation (3), or else a storey or something of the user's
+    height = points[:, 2] if kind in (2, 3) else np.full(len(points), np.nan)
+    return np.column_stack((points[:, :2], height))
+
+
+def _numbers(chunks: IntArray, where: str) -> IntArray:
+    """The whole numbers of which chunks have five bits each, the lowest first, and a sixth bit for "more follow"."""
+    if len(chunks) > 32 * MAX_POINTS:
+        raise InvalidInput.of("polyline too long", where, f"{len(chunks)} characters", f"{32 * MAX_POINTS}")
+    ends = np.flatnonzero(chunks < 0x20)
     starts = np.concatenate(([0], ends + 1))
     lengths = np.diff(starts, append=len(chunks))  # the last length is that of an unfinished number, else 0
     # a number has ten characters of five bits each at most; a coordinate takes seven
-    if ((chunks < 0) | (chunks >= 64)).any() or (lengths > 10).any():
-        raise InvalidInput.of("not an encoded polyline", where, repr(text[:20]), "an encoded polyline")
-    if lengths[-1] or len(ends) % dimensions or len(ends) < 2 * dimensions:
-        got = f"{len(ends)} numbers{' and a part of one' if lengths[-1] else ''}"
-        allowed = f"{dimensions} for each of at least 2 points"
-        raise InvalidInput.of("not an encoded polyline", where, got, allowed)
+    if ((chunks < 0) | (chunks >= 64)).any() or (lengths > 10).any() or lengths[-1]:
+        raise InvalidInput.of(
+            "not an encoded polyline", where, f"{len(chunks)} characters", "an encoded polyline"
+        )
     place = np.arange(len(chunks)) - np.repeat(starts, lengths)
-    values = np.add.reduceat((chunks & 0x1F) << (5 * place), starts[:-1])
-    numbers = np.where(values & 1, ~(values >> 1), values >> 1)
-    scale = np.array([precision, precision, 100.0][:dimensions])
-    points = np.cumsum(numbers.astype(np.float64).reshape(-1, dimensions), axis=0) / scale
+    return np.add.reduceat((chunks & 0x1F) << (5 * place), starts[:-1])
+
+
+def _points(numbers: IntArray, where: str, scales: list[float]) -> FloatArray:
+    """The points of signed differences of coordinates times `scales`, shape (points, scales)."""
+    dimensions = len(scales)
+    if len(numbers) % dimensions or len(numbers) < 2 * dimensions:
+        allowed = f"{dimensions} for each of at least 2 points"
+        raise InvalidInput.of("not an encoded polyline", where, f"{len(numbers)} numbers", allowed)
+    signed = np.where(numbers & 1, ~(numbers >> 1), numbers >> 1).astype(np.float64)
+    points = np.cumsum(signed.reshape(-1, dimensions), axis=0) / scales
     require_on_earth(points[:, 0], points[:, 1], where)
     return np.asarray(points)

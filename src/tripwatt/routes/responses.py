@@ -1,4 +1,4 @@
-"""Saved responses of routers (OSRM, Valhalla, openrouteservice, GraphHopper) as links.
+"""Saved responses of routers as links.
 
 Each reader follows the public documentation of one router's JSON; `docs/reference/routes.md` names the pages. All readers
 take the first route. The times of a router include the traffic lights and turns that it counts, so they are travel times
@@ -39,6 +39,7 @@ from tripwatt.routes.geojson import track_from_geojson
 from tripwatt.routes.link_objects import LINK_KEYS, is_links_table, route_from_links, route_from_table
 from tripwatt.routes.links import FLAT_ROAD, SHORTEST_LINK_M, LinkRoute, first_of_several, link_ends
 from tripwatt.routes.points import decode_polyline, distances_m, haversine_m
+from tripwatt.routes.services import ServiceRoute, google_route, here_route, tomtom_route
 from tripwatt.routes.tracks import Track
 from tripwatt.routes.xml_tracks import track_from_xml
 from tripwatt.trips import Flag, Pause
@@ -279,13 +280,43 @@ def _graphhopper_points(path: Node) -> FloatArray | None:
     return min(lines, key=lambda line: abs(float(haversine_m(line[:, 0], line[:, 1]).sum()) - length_m))
 
 
+def _route_from_service(
+    read: Callable[[Node], ServiceRoute], response: Mapping[str, Any], where: str
+) -> LinkRoute:
+    """Links of the pieces that a reader of a service finds in the first route."""
+    route, flags = _first_route(Node(response, where)["routes"])
+    pieces, carried, points, more = read(route)
+    heights = None if points is None else heights_along(points)
+    return route_from_pieces(pieces, where, heights, *flags, *more, carried=carried)
+
+
 ROUTERS: Final[Mapping[str, Callable[[Mapping[str, Any], str], LinkRoute]]] = {
     "osrm": route_from_osrm,
     "valhalla": route_from_valhalla,
     "openrouteservice": route_from_openrouteservice,
     "graphhopper": route_from_graphhopper,
+    "google": partial(_route_from_service, google_route),
+    "here": partial(_route_from_service, here_route),
+    "tomtom": partial(_route_from_service, tomtom_route),
 }
 """Reader of each router's response."""
+
+_NAMES: Final[Mapping[str, str]] = {
+    "trip": "valhalla",
+    "paths": "graphhopper",
+    "formatVersion": "tomtom",
+    "progress": "tomtom",
+    "distanceMeters": "google",
+    "staticDuration": "google",
+    "sections": "here",
+    "notices": "here",
+    "code": "osrm",
+    "legs": "osrm",
+    "segments": "openrouteservice",
+    "summary": "openrouteservice",
+    "error": "openrouteservice",
+}
+"""Router of the first of these names that its response has at the top, or in its first route, leg or step."""
 
 
 def recognise_router(response: Mapping[str, Any]) -> str | None:
@@ -296,20 +327,16 @@ def recognise_router(response: Mapping[str, Any]) -> str | None:
     >>> recognise_router({"code": "Ok", "routes": []}), recognise_router({"paths": []}), recognise_router({"type": "LineString"})
     ('osrm', 'graphhopper', None)
     """
-    if "trip" in response:
-        return "valhalla"
-    if "paths" in response:
-        return "graphhopper"
     features = response.get("features")
     if isinstance(features, list) and features and isinstance(features[0], dict):
         properties = features[0].get("properties")
         return "openrouteservice" if isinstance(properties, dict) and "segments" in properties else None
-    if "code" in response:
-        return "osrm"
-    routes = response.get("routes")
-    if isinstance(routes, list) and routes and isinstance(routes[0], dict):
-        return "osrm" if "legs" in routes[0] else "openrouteservice"
-    return "openrouteservice" if "error" in response else None
+    names, level = set(response), response
+    for key in ("routes", "legs", "steps"):
+        entries = level.get(key)
+        level = entries[0] if isinstance(entries, list) and entries and isinstance(entries[0], dict) else {}
+        names |= set(level)
+    return next((router for name, router in _NAMES.items() if name in names), None)
 
 
 def is_route(path: Path | str) -> bool:

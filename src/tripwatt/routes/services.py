@@ -1,0 +1,113 @@
+"""Routes in the answers of Google Routes, HERE Routing v8 and TomTom Routing v1; each part that is missing is named with the request for it."""
+
+from __future__ import annotations
+
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from tripwatt.arrays import BoolArray, FloatArray, number_in
+from tripwatt.errors import InvalidInput
+from tripwatt.routes.carried import CARRIED
+from tripwatt.routes.documents import Node, step_pieces
+from tripwatt.routes.points import decode_flexible_polyline
+from tripwatt.trips.flags import Flag
+
+_GOOGLE: Final = "routes.legs.duration, routes.legs.steps (X-Goog-FieldMask)"
+_HERE: Final = "return=polyline,elevation,summary&spans=length,duration"
+_TOMTOM: Final = "extendedRouteRepresentation=distance&extendedRouteRepresentation=travelTime"
+
+
+class ServiceRoute(NamedTuple):
+    """The pieces of a route, shape (pieces, 3), as of `step_pieces`; which of them a ferry or a train carries; points with heights; flags."""
+
+    pieces: FloatArray
+    carried: BoolArray
+    points: FloatArray | None = None
+    flags: tuple[Flag, ...] = ()
+
+
+def _asked(part: Node, request: str) -> list[Node]:
+    """The entries of a list that an answer has only if they are asked for."""
+    if not part.value:
+        raise InvalidInput.of(
+            "incomplete answer of a router", part.where, "nothing", fix=f"ask for {request}"
+        )
+    return part.entries()
+
+
+def _seconds(node: Node) -> float:
+    """The seconds of a duration of Google, such as "12.5s"."""
+    number = number_in(str(node.value).removesuffix("s"))
+    return Node(node.value if number != number else number, node.where).number(minimum=0.0)
+
+
+def google_route(route: Node) -> ServiceRoute:
+    """A route of Google Routes: one piece for each step, in the traffic of its leg.
+
+    Examples
+    --------
+    >>> step = {"distanceMeters": 900, "staticDuration": "60s"}
+    >>> google_route(Node({"legs": [{"duration": "90s", "steps": [step]}]}, "route")).pieces.tolist()
+    [[900.0, 90.0, nan]]
+    """
+    rows, carried = [], []
+    for leg in _asked(route["legs"], _GOOGLE):
+        steps = _asked(leg["steps"], _GOOGLE)
+        # a length of 0 is left out of the answer; a step has its time on an empty road, a leg that in traffic
+        times = [_seconds(step["staticDuration"]) for step in steps]
+        traffic = _seconds(leg["duration"]) / max(sum(times), 1e-9)
+        for step, time in zip(steps, times, strict=True):
+            length = Node(step.members().get("distanceMeters", 0), step["distanceMeters"].where)
+            rows.append((length.number(minimum=0.0), time * traffic, np.nan))
+            carried.append("'maneuver': 'FERRY" in str(step["navigationInstruction"].value))
+    return ServiceRoute(np.array(rows), np.array(carried))
+
+
+def here_route(route: Node) -> ServiceRoute:
+    """A route of HERE: one piece for each span, with the heights of its polylines.
+
+    Examples
+    --------
+    >>> section = {"spans": [{"length": 900, "duration": 60}], "transport": {"mode": "ferry"}, "polyline": "BFoz5xJ67i1B1B7PzIhaxL7Y"}
+    >>> here_route(Node({"sections": [section]}, "route")).carried.tolist()
+    [True]
+    """
+    pieces, carried, points, modes = [], [], [], []
+    for section in route["sections"].entries(min_count=1):
+        spans, line = _asked(section["spans"], _HERE), section["polyline"]
+        pieces.append(step_pieces(spans, "length"))
+        modes.append(str(section["transport"]["mode"].value))
+        carried.append(np.full(len(spans), modes[-1] in CARRIED))
+        points.append(decode_flexible_polyline(str(line.value or ""), line.where))
+    flags = _truck_flag(modes)
+    return ServiceRoute(np.concatenate(pieces), np.concatenate(carried), np.concatenate(points), flags)
+
+
+def tomtom_route(route: Node) -> ServiceRoute:
+    """A route of TomTom: one piece from each entry of its progress to the next.
+
+    Examples
+    --------
+    >>> ends = [{"pointIndex": k, "distanceInMeters": 900 * k, "travelTimeInSeconds": 60 * k} for k in (0, 1)]
+    >>> tomtom_route(Node({"progress": ends}, "route")).pieces.tolist()
+    [[900.0, 60.0, nan]]
+    """
+    keys = "distanceInMeters", "travelTimeInSeconds", "pointIndex"
+    entries = _asked(route["progress"], _TOMTOM)
+    table = np.array([[entry[key].number(minimum=0.0) for key in keys] for entry in entries])
+    differences = zip(entries[1:], np.diff(table, axis=0).tolist(), strict=True)
+    steps = [Node({"distance": m, "duration": s}, entry.where) for entry, (m, s, _) in differences]
+    middle, carried = 0.5 * (table[1:, 2] + table[:-1, 2]), np.zeros(len(steps), dtype=bool)
+    sections = Node(route["sections"].value or [], route["sections"].where).entries()
+    for section in sections:
+        if str(section["sectionType"].value) in CARRIED:
+            first, last = section["startPointIndex"].number(), section["endPointIndex"].number()
+            carried |= (first <= middle) & (middle <= last)
+    flags = _truck_flag([str(section["travelMode"].value) for section in sections])
+    return ServiceRoute(step_pieces(steps), carried, None, flags)
+
+
+def _truck_flag(modes: list[str]) -> tuple[Flag, ...]:
+    """The flag that a route has the times of a truck."""
+    return (Flag("times_of_truck", "route"),) if "truck" in modes else ()
