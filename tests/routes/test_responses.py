@@ -12,10 +12,9 @@ from tests.routes.made import NO, SPEED, TO_ROUNDING, drive, encode_polyline, fa
 
 from tripwatt.errors import InvalidInput
 from tripwatt.routes import LinkRoute, Track, parse_route
-from tripwatt.routes.points import haversine_m
+from tripwatt.routes.points import haversine_m, heights_along
 from tripwatt.routes.responses import (
     ROUTERS,
-    heights_along,
     is_route,
     recognise_router,
     route_from_graphhopper,

@@ -205,7 +205,7 @@ def test_a_flexible_polyline_has_the_points_that_were_encoded(points):
     np.testing.assert_allclose(found, points, atol=0.06)
     np.testing.assert_allclose(found[:, :2], np.array(points)[:, :2], atol=6e-6)
     flat = [point[:2] for point in points]
-    assert np.isnan(decode_flexible_polyline(flexible(flat, kind=0), "t")[:, 2]).all()
+    assert decode_flexible_polyline(flexible(flat, kind=0), "t").shape == (len(points), 2)
 
 
 @pytest.mark.parametrize(

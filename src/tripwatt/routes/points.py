@@ -63,6 +63,23 @@ def distances_m(points: FloatArray, total_m: float | None = None) -> FloatArray:
     return driven
 
 
+def heights_along(points: FloatArray) -> tuple[FloatArray, FloatArray] | None:
+    """Distances and heights of points (latitude, longitude, height); None if no point has a height or the line has no length.
+
+    Examples
+    --------
+    >>> heights_along(np.array([[0.0, 0.0, 5.0], [0.0, 1.0, np.nan]]))[1]
+    array([5., 5.])
+    """
+    if points.shape[1] < 3 or not np.isfinite(points[:, 2]).any():
+        return None
+    position, known = distances_m(points), np.isfinite(points[:, 2])
+    if not position[-1] > 0:
+        return None
+    # all positions are kept, also of points without a height, so that the last one is the whole length
+    return position, np.interp(position, position[known], points[known, 2])
+
+
 def require_few_points(number: int, where: str) -> None:
     """Raise `InvalidInput` if there are more points than `MAX_POINTS`."""
     if number > MAX_POINTS:
@@ -118,7 +135,7 @@ def decode_polyline(text: str, where: str, *, precision: float = 1e5, dimensions
 
 
 def decode_flexible_polyline(text: str, where: str) -> FloatArray:
-    """Decode a flexible polyline of HERE to latitudes, longitudes [°] and heights [m] (NaN = not given), shape (points, 3).
+    """Decode a flexible polyline of HERE to latitudes, longitudes [°] and heights [m] if it has them, shape (points, 2 or 3).
 
     Raises
     ------
@@ -132,15 +149,14 @@ def decode_flexible_polyline(text: str, where: str) -> FloatArray:
     Examples
     --------
     >>> decode_flexible_polyline("BFoz5xJ67i1B1B7PzIhaxL7Y", "example")[:2].tolist()
-    [[50.10228, 8.69821, nan], [50.10201, 8.69567, nan]]
+    [[50.10228, 8.69821], [50.10201, 8.69567]]
     """
     numbers = _numbers(np.array([_FLEXIBLE.find(letter) for letter in text], dtype=np.int64), where)
     header = int(numbers[1]) if len(numbers) > 1 and numbers[0] == 1 else 15
     kind, precision, third = header >> 4 & 7, 10.0 ** (header & 15), 10.0 ** (header >> 7 & 15)
     points = _points(numbers[2:], where, [precision, precision, third][: 3 if kind else 2])
     # the third number is an altitude (2) or an elevation (3), or else a storey or something of the user's
-    height = points[:, 2] if kind in (2, 3) else np.full(len(points), np.nan)
-    return np.column_stack((points[:, :2], height))
+    return points[:, : 3 if kind in (2, 3) else 2]
 
 
 def _numbers(chunks: IntArray, where: str) -> IntArray:

@@ -7,14 +7,14 @@ with standstill.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
 
-from tripwatt.arrays import BoolArray, FloatArray
+from tripwatt.arrays import BoolArray, FloatArray, running_sum
 from tripwatt.errors import InvalidInput, excerpt, or_none
 from tripwatt.files import file_head
 from tripwatt.routes.carried import (
@@ -38,8 +38,8 @@ from tripwatt.routes.documents import (
 from tripwatt.routes.geojson import track_from_geojson
 from tripwatt.routes.link_objects import LINK_KEYS, is_links_table, route_from_links, route_from_table
 from tripwatt.routes.links import FLAT_ROAD, SHORTEST_LINK_M, LinkRoute, first_of_several, link_ends
-from tripwatt.routes.points import decode_polyline, distances_m, haversine_m
-from tripwatt.routes.services import ServiceRoute, google_route, here_route, tomtom_route
+from tripwatt.routes.points import decode_polyline, distances_m, haversine_m, heights_along
+from tripwatt.routes.services import Part, Parts, google_route, here_route, tomtom_route
 from tripwatt.routes.tracks import Track
 from tripwatt.routes.xml_tracks import track_from_xml
 from tripwatt.trips import Flag, Pause
@@ -105,21 +105,23 @@ def route_from_pieces(
     return LinkRoute(length, time, unknown, moving[ends], position, height, flags, pauses=pauses)
 
 
-def heights_along(points: FloatArray) -> tuple[FloatArray, FloatArray] | None:
-    """Distances and heights of points (latitude, longitude, height); None if no point has a height or the line has no length.
+def route_from_parts(parts: Sequence[Part], where: str, *flags: Flag) -> LinkRoute:
+    """Links of the parts of a route, such as its legs. The heights of a part are spread over its length; they count if all parts have some.
 
-    Examples
-    --------
-    >>> heights_along(np.array([[0.0, 0.0, 5.0], [0.0, 1.0, np.nan]]))[1]
-    array([5., 5.])
+    Raises
+    ------
+    InvalidInput
+        As `route_from_pieces`.
     """
-    if points.shape[1] < 3 or not np.isfinite(points[:, 2]).any():
-        return None
-    position, known = distances_m(points), np.isfinite(points[:, 2])
-    if not position[-1] > 0:
-        return None
-    # all positions are kept, also of points without a height, so that the last one is the whole length
-    return position, np.interp(position, position[known], points[known, 2])
+    pieces, carried = (np.concatenate([part[k] for part in parts]) for k in (0, 1))
+    known = [(float(part.pieces[:, 0].sum()), *part.heights) for part in parts if part.heights is not None]
+    starts = running_sum(np.array([length_m for length_m, _, _ in known]))
+    positions = [
+        at + m * (x / x[-1] if x[-1] > 0 else x) for at, (m, x, _) in zip(starts, known, strict=False)
+    ]
+    is_complete = len(known) == len(parts)
+    heights = (np.concatenate(positions), np.concatenate([h for *_, h in known])) if is_complete else None
+    return route_from_pieces(pieces, where, heights, *flags, carried=carried)
 
 
 def _first_route(routes: Node) -> tuple[Node, tuple[Flag, ...]]:
@@ -146,14 +148,14 @@ def route_from_osrm(response: Mapping[str, Any], where: str = "OSRM response") -
     if response.get("code", "Ok") != "Ok":
         raise _no_route(where, excerpt(response.get("code")), "code Ok")
     route, flags = _first_route(Node(response, where)["routes"])
-    pieces, carried = [], []
+    parts = []
     for leg in route["legs"].entries(min_count=1):
         leg["duration"].number(minimum=0.0)
         annotation = leg["annotation"].value
         has_edges = isinstance(annotation, dict) and annotation.get("duration") and annotation.get("distance")
-        pieces.append(edge_pieces(leg) if has_edges else step_pieces(steps_of(leg)))
-        carried.append(carried_pieces(leg, pieces[-1][:, 0]))
-    return route_from_pieces(np.concatenate(pieces), where, None, *flags, carried=np.concatenate(carried))
+        pieces = edge_pieces(leg) if has_edges else step_pieces(steps_of(leg))
+        parts.append(Part(pieces, carried_pieces(leg, pieces[:, 0])))
+    return route_from_parts(parts, where, *flags)
 
 
 def route_from_valhalla(response: Mapping[str, Any], where: str = "Valhalla response") -> LinkRoute:
@@ -171,22 +173,15 @@ def route_from_valhalla(response: Mapping[str, Any], where: str = "Valhalla resp
     if units not in ("kilometers", "miles"):
         raise InvalidInput.of("unknown unit", f"{where}, units", excerpt(units, 40), "kilometers or miles")
     metres, height_unit = (1000.0, 1.0) if units == "kilometers" else (M_PER_MILE, M_PER_FOOT)
-    legs = trip["legs"].entries(min_count=1)
-    pieces, carried, positions, heights, driven_m = [], [], [], [], 0.0
-    for leg in legs:
+    parts = []
+    for leg in trip["legs"].entries(min_count=1):
         manoeuvres = leg["maneuvers"].entries(min_count=1)
-        pieces.append(step_pieces(manoeuvres, "length", "time") * (metres, 1.0, 1.0))
-        carried.append(carried_steps(manoeuvres))
-        length_m = float(pieces[-1][:, 0].sum())
-        if leg["elevation"].value:
-            height = height_unit * leg["elevation"].numbers()
-            # the last interval differs a little from the others: the heights are spread evenly over the leg
-            positions.append(driven_m + np.linspace(0.0, length_m, len(height)))
-            heights.append(height)
-        driven_m += length_m
-    is_complete = len(heights) == len(legs)
-    elevation = (np.concatenate(positions), np.concatenate(heights)) if is_complete else None
-    return route_from_pieces(np.concatenate(pieces), where, elevation, carried=np.concatenate(carried))
+        pieces = step_pieces(manoeuvres, "length", "time") * (metres, 1.0, 1.0)
+        # the last interval differs a little from the others: the heights are spread evenly over the leg
+        height = height_unit * Node(leg["elevation"].value or [], leg["elevation"].where).numbers()
+        heights = (np.linspace(0.0, 1.0, len(height)), height) if len(height) else None
+        parts.append(Part(pieces, carried_steps(manoeuvres), heights))
+    return route_from_parts(parts, where)
 
 
 def route_from_openrouteservice(
@@ -280,14 +275,11 @@ def _graphhopper_points(path: Node) -> FloatArray | None:
     return min(lines, key=lambda line: abs(float(haversine_m(line[:, 0], line[:, 1]).sum()) - length_m))
 
 
-def _route_from_service(
-    read: Callable[[Node], ServiceRoute], response: Mapping[str, Any], where: str
-) -> LinkRoute:
-    """Links of the pieces that a reader of a service finds in the first route."""
+def _from_service(read: Callable[[Node], Parts], response: Mapping[str, Any], where: str) -> LinkRoute:
+    """Links of the parts that a reader of a service finds in the first route."""
     route, flags = _first_route(Node(response, where)["routes"])
-    pieces, carried, points, more = read(route)
-    heights = None if points is None else heights_along(points)
-    return route_from_pieces(pieces, where, heights, *flags, *more, carried=carried)
+    parts, more = read(route)
+    return route_from_parts(parts, where, *flags, *more)
 
 
 ROUTERS: Final[Mapping[str, Callable[[Mapping[str, Any], str], LinkRoute]]] = {
@@ -295,28 +287,22 @@ ROUTERS: Final[Mapping[str, Callable[[Mapping[str, Any], str], LinkRoute]]] = {
     "valhalla": route_from_valhalla,
     "openrouteservice": route_from_openrouteservice,
     "graphhopper": route_from_graphhopper,
-    "google": partial(_route_from_service, google_route),
-    "here": partial(_route_from_service, here_route),
-    "tomtom": partial(_route_from_service, tomtom_route),
+    "google": partial(_from_service, google_route),
+    "here": partial(_from_service, here_route),
+    "tomtom": partial(_from_service, tomtom_route),
 }
 """Reader of each router's response."""
 
-_NAMES: Final[Mapping[str, str]] = {
-    "trip": "valhalla",
-    "paths": "graphhopper",
-    "formatVersion": "tomtom",
-    "progress": "tomtom",
-    "distanceMeters": "google",
-    "staticDuration": "google",
-    "sections": "here",
-    "notices": "here",
-    "code": "osrm",
-    "legs": "osrm",
-    "segments": "openrouteservice",
-    "summary": "openrouteservice",
-    "error": "openrouteservice",
+_SIGNS: Final[Mapping[str, frozenset[str]]] = {
+    "valhalla": frozenset({"trip"}),
+    "graphhopper": frozenset({"paths"}),
+    "tomtom": frozenset({"formatVersion", "progress"}),
+    "google": frozenset({"distanceMeters", "staticDuration"}),
+    "here": frozenset({"sections", "notices"}),
+    "osrm": frozenset({"code", "legs"}),
+    "openrouteservice": frozenset({"segments", "summary", "error"}),
 }
-"""Router of the first of these names that its response has at the top, or in its first route, leg or step."""
+"""Names in the response of each router, at the top or in the first route, leg or step; the first router with one of them counts."""
 
 
 def recognise_router(response: Mapping[str, Any]) -> str | None:
@@ -336,7 +322,7 @@ def recognise_router(response: Mapping[str, Any]) -> str | None:
         entries = level.get(key)
         level = entries[0] if isinstance(entries, list) and entries and isinstance(entries[0], dict) else {}
         names |= set(level)
-    return next((router for name, router in _NAMES.items() if name in names), None)
+    return next((router for router, signs in _SIGNS.items() if names & signs), None)
 
 
 def is_route(path: Path | str) -> bool:

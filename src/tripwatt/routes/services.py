@@ -10,7 +10,7 @@ from tripwatt.arrays import BoolArray, FloatArray, number_in
 from tripwatt.errors import InvalidInput
 from tripwatt.routes.carried import CARRIED
 from tripwatt.routes.documents import Node, step_pieces
-from tripwatt.routes.points import decode_flexible_polyline
+from tripwatt.routes.points import decode_flexible_polyline, heights_along
 from tripwatt.trips.flags import Flag
 
 _GOOGLE: Final = "routes.legs.duration, routes.legs.steps (X-Goog-FieldMask)"
@@ -18,13 +18,16 @@ _HERE: Final = "return=polyline,elevation,summary&spans=length,duration"
 _TOMTOM: Final = "extendedRouteRepresentation=distance&extendedRouteRepresentation=travelTime"
 
 
-class ServiceRoute(NamedTuple):
-    """The pieces of a route, shape (pieces, 3), as of `step_pieces`; which of them a ferry or a train carries; points with heights; flags."""
+class Part(NamedTuple):
+    """A part of a route: its pieces, as of `step_pieces`, which of them a ferry or a train carries, and places along it with their heights [m]."""
 
     pieces: FloatArray
     carried: BoolArray
-    points: FloatArray | None = None
-    flags: tuple[Flag, ...] = ()
+    heights: tuple[FloatArray, FloatArray] | None = None
+
+
+Parts = tuple[list[Part], tuple[Flag, ...]]
+"""The parts of a route, and flags."""
 
 
 def _asked(part: Node, request: str) -> list[Node]:
@@ -42,55 +45,57 @@ def _seconds(node: Node) -> float:
     return Node(node.value if number != number else number, node.where).number(minimum=0.0)
 
 
-def google_route(route: Node) -> ServiceRoute:
-    """A route of Google Routes: one piece for each step, in the traffic of its leg.
+def google_route(route: Node) -> Parts:
+    """The legs of a route of Google: one piece for each step, in the traffic of its leg.
 
     Examples
     --------
     >>> step = {"distanceMeters": 900, "staticDuration": "60s"}
-    >>> google_route(Node({"legs": [{"duration": "90s", "steps": [step]}]}, "route")).pieces.tolist()
+    >>> google_route(Node({"legs": [{"duration": "90s", "steps": [step]}]}, "route"))[0][0].pieces.tolist()
     [[900.0, 90.0, nan]]
     """
-    rows, carried = [], []
+    parts = []
     for leg in _asked(route["legs"], _GOOGLE):
-        steps = _asked(leg["steps"], _GOOGLE)
-        # a length of 0 is left out of the answer; a step has its time on an empty road, a leg that in traffic
-        times = [_seconds(step["staticDuration"]) for step in steps]
-        traffic = _seconds(leg["duration"]) / max(sum(times), 1e-9)
-        for step, time in zip(steps, times, strict=True):
-            length = Node(step.members().get("distanceMeters", 0), step["distanceMeters"].where)
-            rows.append((length.number(minimum=0.0), time * traffic, np.nan))
-            carried.append("'maneuver': 'FERRY" in str(step["navigationInstruction"].value))
-    return ServiceRoute(np.array(rows), np.array(carried))
+        # a step has its time on an empty road, and no length of 0
+        steps = [
+            Node(
+                {"distanceMeters": 0, **step.members(), "duration": _seconds(step["staticDuration"])},
+                step.where,
+            )
+            for step in _asked(leg["steps"], _GOOGLE)
+        ]
+        pieces = step_pieces(steps, "distanceMeters")
+        pieces[:, 1] *= _seconds(leg["duration"]) / max(pieces[:, 1].sum(), 1e-9)
+        instructions = [str(step["navigationInstruction"].value) for step in steps]
+        parts.append(Part(pieces, np.array(["'maneuver': 'FERRY" in text for text in instructions])))
+    return parts, ()
 
 
-def here_route(route: Node) -> ServiceRoute:
-    """A route of HERE: one piece for each span, with the heights of its polylines.
+def here_route(route: Node) -> Parts:
+    """The sections of a route of HERE: one piece for each span, with the heights of the polyline.
 
     Examples
     --------
     >>> section = {"spans": [{"length": 900, "duration": 60}], "transport": {"mode": "ferry"}, "polyline": "BFoz5xJ67i1B1B7PzIhaxL7Y"}
-    >>> here_route(Node({"sections": [section]}, "route")).carried.tolist()
+    >>> here_route(Node({"sections": [section]}, "route"))[0][0].carried.tolist()
     [True]
     """
-    pieces, carried, points, modes = [], [], [], []
+    parts, modes = [], []
     for section in route["sections"].entries(min_count=1):
         spans, line = _asked(section["spans"], _HERE), section["polyline"]
-        pieces.append(step_pieces(spans, "length"))
         modes.append(str(section["transport"]["mode"].value))
-        carried.append(np.full(len(spans), modes[-1] in CARRIED))
-        points.append(decode_flexible_polyline(str(line.value or ""), line.where))
-    flags = _truck_flag(modes)
-    return ServiceRoute(np.concatenate(pieces), np.concatenate(carried), np.concatenate(points), flags)
+        heights = heights_along(decode_flexible_polyline(str(line.value or ""), line.where))
+        parts.append(Part(step_pieces(spans, "length"), np.full(len(spans), modes[-1] in CARRIED), heights))
+    return parts, _truck_flag(modes)
 
 
-def tomtom_route(route: Node) -> ServiceRoute:
-    """A route of TomTom: one piece from each entry of its progress to the next.
+def tomtom_route(route: Node) -> Parts:
+    """A route of TomTom as one part: a piece from each entry of its progress to the next.
 
     Examples
     --------
     >>> ends = [{"pointIndex": k, "distanceInMeters": 900 * k, "travelTimeInSeconds": 60 * k} for k in (0, 1)]
-    >>> tomtom_route(Node({"progress": ends}, "route")).pieces.tolist()
+    >>> tomtom_route(Node({"progress": ends}, "route"))[0][0].pieces.tolist()
     [[900.0, 60.0, nan]]
     """
     keys = "distanceInMeters", "travelTimeInSeconds", "pointIndex"
@@ -105,7 +110,7 @@ def tomtom_route(route: Node) -> ServiceRoute:
             first, last = section["startPointIndex"].number(), section["endPointIndex"].number()
             carried |= (first <= middle) & (middle <= last)
     flags = _truck_flag([str(section["travelMode"].value) for section in sections])
-    return ServiceRoute(step_pieces(steps), carried, None, flags)
+    return [Part(step_pieces(steps), carried)], flags
 
 
 def _truck_flag(modes: list[str]) -> tuple[Flag, ...]:
