@@ -254,9 +254,7 @@ def _covariates(blocks: Sequence[Trip]) -> tuple[pd.DataFrame, tuple[str, ...]]:
             frame.assign(elevation_difference_m=climb - climb.iloc[0], season=season, weather=weather)
         )
     frame = pd.concat(frames, ignore_index=True)
-    frame = frame.astype(
-        {name: pd.CategoricalDtype(sorted(set(frame[name]))) for name in ("season", "weather")}
-    )
+    frame = frame.astype({"season": "category", "weather": "category"})
     unknown = [
         name for name in COVARIATES if frame[name].isna().all() or (frame[name] == UNKNOWN_LEVEL).all()
     ]
@@ -434,9 +432,7 @@ class EnergyRegression:
         last = table.last_rows
         observed = table.observed_wh[last]
         design = self._design(table)[last] / observed[:, None]
-        self.coefficients_ = np.asarray(
-            np.linalg.lstsq(design, np.ones(len(last)), rcond=None)[0], dtype=np.float64
-        )
+        self.coefficients_ = np.asarray(np.linalg.lstsq(design, np.ones(len(last)), rcond=None)[0])
         return self
 
     def predict(self, table: TripTable) -> FloatArray:

@@ -73,9 +73,7 @@ def ferry_steps(route: Node, steps: Sequence[Node]) -> BoolArray:
     # 9 is the way type of a ferry
     ferries = [row.numbers() for row in rows if row.entries(min_count=3)[2].value == 9]
     starts = [step["way_points"].entries(min_count=1)[0].number() for step in steps]
-    return np.array(
-        [any(first <= start < last for first, last, _ in ferries) for start in starts], dtype=bool
-    )
+    return np.array([any(first <= at < last for first, last, _ in ferries) for at in starts], dtype=bool)
 
 
 def carried_points(details: Node, n_points: int) -> BoolArray:

@@ -106,14 +106,8 @@ def fields_of_route(route: LinkRoute) -> dict[str, Any]:
     >>> fields_of_route(route_from_links([{"length_m": 100.0, "speed_m_s": 10.0}]))
     {'links': [{'length_m': 100.0, 'travel_time_s': 10.0}], 'elevation': None}
     """
-    columns = {
-        "length_m": route.length_m,
-        "travel_time_s": route.travel_time_s,
-        "stop_s": route.stop_s,
-        "moving_speed_m_s": route.moving_speed_m_s,
-    }
-    if route.speed_limit_m_s is not None:
-        columns["speed_limit_m_s"] = route.speed_limit_m_s
+    names = "length_m", "travel_time_s", "stop_s", "moving_speed_m_s", "speed_limit_m_s"
+    columns = {name: values for name in names if (values := getattr(route, name)) is not None}
     rows = zip(*(values.tolist() for values in columns.values()), strict=True)
     links = [{n: v for n, v in zip(columns, row, strict=True) if v == v} for row in rows]
     if route.elevation_m is None or route.elevation_position_m is None:

@@ -134,9 +134,7 @@ class LinkRoute:
         """
         if self.elevation_m is None or self.elevation_position_m is None:
             return None
-        return np.asarray(
-            np.interp(np.asarray(position_m), self.elevation_position_m, self.elevation_m), dtype=np.float64
-        )
+        return np.asarray(np.interp(np.asarray(position_m), self.elevation_position_m, self.elevation_m))
 
     def plan(
         self,

@@ -166,14 +166,8 @@ class Place:
         >>> Place(47.14, 9.52, "Vaduz", "town").to_dict()["latitude_deg"]
         47.14
         """
-        return {
-            "name": self.title,
-            "kind": self.kind,
-            "context": self.context,
-            "also_called": self.also_called,
-            "latitude_deg": self.latitude_deg,
-            "longitude_deg": self.longitude_deg,
-        }
+        names = "kind", "context", "also_called", "latitude_deg", "longitude_deg"
+        return {"name": self.title} | {name: getattr(self, name) for name in names}
 
     def distance_m(self, other: Place) -> float:
         """Compute the distance to another place on the sphere.

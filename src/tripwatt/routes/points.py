@@ -37,9 +37,7 @@ def haversine_m(latitude_deg: npt.ArrayLike, longitude_deg: npt.ArrayLike) -> Fl
     haversine = (
         np.sin(np.diff(lat) / 2.0) ** 2 + np.cos(lat[1:]) * np.cos(lat[:-1]) * np.sin(np.diff(lon) / 2.0) ** 2
     )
-    return np.asarray(
-        2.0 * EARTH_RADIUS_M * np.arcsin(np.sqrt(np.clip(haversine, 0.0, 1.0))), dtype=np.float64
-    )
+    return np.asarray(2.0 * EARTH_RADIUS_M * np.arcsin(np.sqrt(np.clip(haversine, 0.0, 1.0))))
 
 
 def distances_m(points: FloatArray, total_m: float | None = None) -> FloatArray:
@@ -168,9 +166,7 @@ def _numbers(chunks: IntArray, where: str) -> IntArray:
     lengths = np.diff(starts, append=len(chunks))  # the last length is that of an unfinished number, else 0
     # a number has ten characters of five bits each at most; a coordinate takes seven
     if ((chunks < 0) | (chunks >= 64)).any() or (lengths > 10).any() or lengths[-1]:
-        raise InvalidInput.of(
-            "not an encoded polyline", where, f"{len(chunks)} characters", "an encoded polyline"
-        )
+        raise InvalidInput.of("not an encoded polyline", where, f"{len(chunks)} characters")
     place = np.arange(len(chunks)) - np.repeat(starts, lengths)
     return np.add.reduceat((chunks & 0x1F) << (5 * place), starts[:-1])
 

@@ -116,9 +116,7 @@ def route_from_parts(parts: Sequence[Part], where: str, *flags: Flag) -> LinkRou
     pieces, carried = (np.concatenate([part[k] for part in parts]) for k in (0, 1))
     known = [(float(part.pieces[:, 0].sum()), *part.heights) for part in parts if part.heights is not None]
     starts = running_sum(np.array([length_m for length_m, _, _ in known]))
-    positions = [
-        at + m * (x / x[-1] if x[-1] > 0 else x) for at, (m, x, _) in zip(starts, known, strict=False)
-    ]
+    positions = [at + m * x / max(x[-1], 1e-9) for at, (m, x, _) in zip(starts, known, strict=False)]
     is_complete = len(known) == len(parts)
     heights = (np.concatenate(positions), np.concatenate([h for *_, h in known])) if is_complete else None
     return route_from_pieces(pieces, where, heights, *flags, carried=carried)

@@ -33,9 +33,7 @@ Parts = tuple[list[Part], tuple[Flag, ...]]
 def _asked(part: Node, request: str) -> list[Node]:
     """The entries of a list that an answer has only if they are asked for."""
     if not part.value:
-        raise InvalidInput.of(
-            "incomplete answer of a router", part.where, "nothing", fix=f"ask for {request}"
-        )
+        raise InvalidInput.of("incomplete answer of a router", part.where, fix=f"ask for {request}")
     return part.entries()
 
 

@@ -52,9 +52,7 @@ def sample_trips(dataset: str = "tum") -> TripSet:
     logs = []
     for row in about["trips"]:
         samples, table = table.iloc[: row["rows"]].reset_index(drop=True), table.iloc[row["rows"] :]
-        logs.append(
-            replace(Log.from_samples(row["trip"], samples, Context(**row["context"])), **row["energy"])
-        )
-    return TripSet(
-        about["name"], tuple(logs), tuple(Flag(**note) for note in about["notes"]), None, about["citation"]
-    )
+        log = Log.from_samples(row["trip"], samples, Context(**row["context"]))
+        logs.append(replace(log, **row["energy"]))
+    notes = tuple(Flag(**note) for note in about["notes"])
+    return TripSet(about["name"], tuple(logs), notes, None, about["citation"])
