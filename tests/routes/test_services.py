@@ -216,6 +216,13 @@ def test_other_texts_are_no_flexible_polyline(text):
         decode_flexible_polyline(text, "t")
 
 
+def test_here_without_a_line_has_no_heights():
+    answer = here([(900, 60)], heights=[500.0, 510.0])
+    assert read(answer).elevation_m is not None
+    del answer["routes"][0]["sections"][0]["polyline"]
+    assert (read(answer).distance_m, read(answer).flags[0].code) == (900.0, "no_elevation")
+
+
 def test_an_answer_without_a_route_is_refused():
     for router in ("google", "here", "tomtom"):
         assert faults_of(ROUTERS[router], {"routes": []}, "t")[0].what == "too few entries"

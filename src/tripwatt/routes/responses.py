@@ -39,7 +39,7 @@ from tripwatt.routes.geojson import track_from_geojson
 from tripwatt.routes.link_objects import LINK_KEYS, is_links_table, route_from_links, route_from_table
 from tripwatt.routes.links import FLAT_ROAD, SHORTEST_LINK_M, LinkRoute, first_of_several, link_ends
 from tripwatt.routes.points import decode_polyline, distances_m, haversine_m, heights_along
-from tripwatt.routes.services import Part, Parts, google_route, here_route, tomtom_route
+from tripwatt.routes.services import Part, google_route, here_route, tomtom_route
 from tripwatt.routes.tracks import Track
 from tripwatt.routes.xml_tracks import track_from_xml
 from tripwatt.trips import Flag, Pause
@@ -119,7 +119,8 @@ def route_from_parts(parts: Sequence[Part], where: str, *flags: Flag) -> LinkRou
     positions = [at + m * x / max(x[-1], 1e-9) for at, (m, x, _) in zip(starts, known, strict=False)]
     is_complete = len(known) == len(parts)
     heights = (np.concatenate(positions), np.concatenate([h for *_, h in known])) if is_complete else None
-    return route_from_pieces(pieces, where, heights, *flags, carried=carried)
+    truck = (Flag("times_of_truck", "route"),) * any(part.of_truck for part in parts)
+    return route_from_pieces(pieces, where, heights, *flags, *truck, carried=carried)
 
 
 def _first_route(routes: Node) -> tuple[Node, tuple[Flag, ...]]:
@@ -273,11 +274,10 @@ def _graphhopper_points(path: Node) -> FloatArray | None:
     return min(lines, key=lambda line: abs(float(haversine_m(line[:, 0], line[:, 1]).sum()) - length_m))
 
 
-def _from_service(read: Callable[[Node], Parts], response: Mapping[str, Any], where: str) -> LinkRoute:
+def _from_service(read: Callable[[Node], list[Part]], response: Mapping[str, Any], where: str) -> LinkRoute:
     """Links of the parts that a reader of a service finds in the first route."""
     route, flags = _first_route(Node(response, where)["routes"])
-    parts, more = read(route)
-    return route_from_parts(parts, where, *flags, *more)
+    return route_from_parts(read(route), where, *flags)
 
 
 ROUTERS: Final[Mapping[str, Callable[[Mapping[str, Any], str], LinkRoute]]] = {

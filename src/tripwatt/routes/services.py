@@ -11,7 +11,6 @@ from tripwatt.errors import InvalidInput
 from tripwatt.routes.carried import CARRIED
 from tripwatt.routes.documents import Node, step_pieces
 from tripwatt.routes.points import decode_flexible_polyline, heights_along
-from tripwatt.trips.flags import Flag
 
 _GOOGLE: Final = "routes.legs.duration, routes.legs.steps (X-Goog-FieldMask)"
 _HERE: Final = "return=polyline,elevation,summary&spans=length,duration"
@@ -19,15 +18,15 @@ _TOMTOM: Final = "extendedRouteRepresentation=distance&extendedRouteRepresentati
 
 
 class Part(NamedTuple):
-    """A part of a route: its pieces, as of `step_pieces`, which of them a ferry or a train carries, and places along it with their heights [m]."""
+    """A part of a route: its pieces, as of `step_pieces`, which of them a ferry or a train carries, and places along it with their heights [m].
+
+    Its times may be those of a truck.
+    """
 
     pieces: FloatArray
     carried: BoolArray
     heights: tuple[FloatArray, FloatArray] | None = None
-
-
-Parts = tuple[list[Part], tuple[Flag, ...]]
-"""The parts of a route, and flags."""
+    of_truck: bool = False
 
 
 def _asked(part: Node, request: str) -> list[Node]:
@@ -43,57 +42,56 @@ def _seconds(node: Node) -> float:
     return Node(node.value if number != number else number, node.where).number(minimum=0.0)
 
 
-def google_route(route: Node) -> Parts:
+def google_route(route: Node) -> list[Part]:
     """The legs of a route of Google: one piece for each step, in the traffic of its leg.
 
     Examples
     --------
     >>> step = {"distanceMeters": 900, "staticDuration": "60s"}
-    >>> google_route(Node({"legs": [{"duration": "90s", "steps": [step]}]}, "route"))[0][0].pieces.tolist()
+    >>> google_route(Node({"legs": [{"duration": "90s", "steps": [step]}]}, "route"))[0].pieces.tolist()
     [[900.0, 90.0, nan]]
     """
     parts = []
     for leg in _asked(route["legs"], _GOOGLE):
+        steps = _asked(leg["steps"], _GOOGLE)
         # a step has its time on an empty road, and no length of 0
-        steps = [
-            Node(
-                {"distanceMeters": 0, **step.members(), "duration": _seconds(step["staticDuration"])},
-                step.where,
-            )
-            for step in _asked(leg["steps"], _GOOGLE)
+        times = np.array([_seconds(step["staticDuration"]) for step in steps])
+        lengths = [
+            Node(step.members().get("distanceMeters", 0), step.where).number(minimum=0.0) for step in steps
         ]
-        pieces = step_pieces(steps, "distanceMeters")
-        pieces[:, 1] *= _seconds(leg["duration"]) / max(pieces[:, 1].sum(), 1e-9)
+        times *= _seconds(leg["duration"]) / max(times.sum(), 1e-9)
         instructions = [str(step["navigationInstruction"].value) for step in steps]
-        parts.append(Part(pieces, np.array(["'maneuver': 'FERRY" in text for text in instructions])))
-    return parts, ()
+        carried = np.array(["'maneuver': 'FERRY" in text for text in instructions])
+        parts.append(Part(np.column_stack((lengths, times, np.full(len(steps), np.nan))), carried))
+    return parts
 
 
-def here_route(route: Node) -> Parts:
+def here_route(route: Node) -> list[Part]:
     """The sections of a route of HERE: one piece for each span, with the heights of the polyline.
 
     Examples
     --------
     >>> section = {"spans": [{"length": 900, "duration": 60}], "transport": {"mode": "ferry"}, "polyline": "BFoz5xJ67i1B1B7PzIhaxL7Y"}
-    >>> here_route(Node({"sections": [section]}, "route"))[0][0].carried.tolist()
+    >>> here_route(Node({"sections": [section]}, "route"))[0].carried.tolist()
     [True]
     """
-    parts, modes = [], []
+    parts = []
     for section in route["sections"].entries(min_count=1):
         spans, line = _asked(section["spans"], _HERE), section["polyline"]
-        modes.append(str(section["transport"]["mode"].value))
-        heights = heights_along(decode_flexible_polyline(str(line.value or ""), line.where))
-        parts.append(Part(step_pieces(spans, "length"), np.full(len(spans), modes[-1] in CARRIED), heights))
-    return parts, _truck_flag(modes)
+        mode = str(section["transport"]["mode"].value)
+        heights = heights_along(decode_flexible_polyline(str(line.value), line.where)) if line.value else None
+        carried = np.full(len(spans), mode in CARRIED)
+        parts.append(Part(step_pieces(spans, "length"), carried, heights, mode == "truck"))
+    return parts
 
 
-def tomtom_route(route: Node) -> Parts:
+def tomtom_route(route: Node) -> list[Part]:
     """A route of TomTom as one part: a piece from each entry of its progress to the next.
 
     Examples
     --------
     >>> ends = [{"pointIndex": k, "distanceInMeters": 900 * k, "travelTimeInSeconds": 60 * k} for k in (0, 1)]
-    >>> tomtom_route(Node({"progress": ends}, "route"))[0][0].pieces.tolist()
+    >>> tomtom_route(Node({"progress": ends}, "route"))[0].pieces.tolist()
     [[900.0, 60.0, nan]]
     """
     keys = "distanceInMeters", "travelTimeInSeconds", "pointIndex"
@@ -107,10 +105,5 @@ def tomtom_route(route: Node) -> Parts:
         if str(section["sectionType"].value) in CARRIED:
             first, last = section["startPointIndex"].number(), section["endPointIndex"].number()
             carried |= (first <= middle) & (middle <= last)
-    flags = _truck_flag([str(section["travelMode"].value) for section in sections])
-    return [Part(step_pieces(steps), carried)], flags
-
-
-def _truck_flag(modes: list[str]) -> tuple[Flag, ...]:
-    """The flag that a route has the times of a truck."""
-    return (Flag("times_of_truck", "route"),) if "truck" in modes else ()
+    of_truck = any(section["travelMode"].value == "truck" for section in sections)
+    return [Part(step_pieces(steps), carried, None, of_truck)]
