@@ -123,14 +123,8 @@ class Difference:
         >>> Difference(-100.0, 40.0, 60.0, 0.01, {}, scores).to_dict()["energy_wh"]
         -100.0
         """
-        return {
-            "energy_wh": self.energy_wh,
-            "interval_wh": list(self.interval(0.9)),
-            "duration_s": self.duration_s,
-            "soc_arrival": self.soc_arrival,
-            "p_less": self.p_less,
-            "by_cause_wh": self.by_cause_wh,
-        }
+        names = "energy_wh", "duration_s", "soc_arrival", "p_less", "by_cause_wh"
+        return {name: getattr(self, name) for name in names} | {"interval_wh": list(self.interval(0.9))}
 
 
 @dataclass(frozen=True, slots=True)

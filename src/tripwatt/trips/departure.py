@@ -221,15 +221,9 @@ class Departure:
         known = {name: values for name in others if len(values := samples.samples[name].dropna())}
         if known:
             first["covariates"] = {f"{name}": _typical(values) for name, values in known.items()}
-        return cls(
-            **first,
-            payload_mass_kg=context.payload_mass_kg,
-            season=context.season,
-            weather=context.weather,
-            follows_trip=context.follows_trip,
-            departs_at=context.started_at,
-            cabin_logged=True if "cabin_temperature_degc" in first else None,
-        )
+        same = ("payload_mass_kg", "season", "weather", "follows_trip")
+        first |= {"departs_at": context.started_at} | {name: getattr(context, name) for name in same}
+        return cls(**first, cabin_logged=True if "cabin_temperature_degc" in first else None)
 
     def merge(self, other: Departure | None) -> Departure:
         """Return the departure with its fields replaced by the known fields of another departure.

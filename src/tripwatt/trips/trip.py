@@ -141,15 +141,9 @@ class Recorded(Sampled):
         context = {name: value for name, value in asdict(self.context).items() if value not in (None, "")}
         if self.context.started_at is not None:
             context["started_at"] = self.context.started_at.isoformat()
-        return {
-            "trip": self.trip_id,
-            "duration_s": self.duration_s,
-            "distance_m": self.distance_m,
-            "observed_energy_wh": self.observed_energy_wh,
-            "observed_energy_std_wh": self.observed_energy_std_wh,
-            "context": context,
-            "samples": columns_of(self.samples),
-        }
+        names = "duration_s", "distance_m", "observed_energy_wh", "observed_energy_std_wh"
+        known = {name: getattr(self, name) for name in names}
+        return {"trip": self.trip_id, **known, "context": context, "samples": columns_of(self.samples)}
 
     def plot(self, ax: Axes | None = None) -> Figure:
         """Plot speed, and elevation and measured energy if they are known, over time.
