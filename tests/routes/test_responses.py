@@ -257,6 +257,12 @@ KEYS = [
     "distance",
     "duration",
     "maneuvers",
+    "sections",
+    "spans",
+    "steps",
+    "progress",
+    "transport",
+    "polyline",
     "links",
     "code",
 ]
