@@ -20,9 +20,10 @@ from tripwatt.routes.responses import (
     route_from_graphhopper,
     route_from_openrouteservice,
     route_from_osrm,
-    route_from_pieces,
+    route_from_parts,
     route_from_valhalla,
 )
+from tripwatt.routes.services import Part
 from tripwatt.trips import Flag
 
 RESPONSES = Path(__file__).parent / "responses"
@@ -595,6 +596,10 @@ def test_the_first_sign_of_a_router_counts(response, router):
     assert recognise_router(response) == router
 
 
+def of_pieces(pieces, heights=None):
+    return Part(np.array(pieces), np.zeros(len(pieces), dtype=bool), heights)
+
+
 def test_pieces_without_length_or_time_go_to_the_next():
     pieces = [
         (0.0, 5.0, 1.0),
@@ -605,16 +610,16 @@ def test_pieces_without_length_or_time_go_to_the_next():
         (2.0, 0.0, 3.0),
     ]
     heights = np.array([0.0, 1.0, 4.0]), np.array([5.0, 6.0, 7.0])
-    made = route_from_pieces(np.array(pieces), "t", heights, Flag("a", "b"))
+    made = route_from_parts([of_pieces(pieces, heights)], "t", Flag("a", "b"))
     np.testing.assert_allclose(made.length_m, [100.0, 30.005, 66.0], **TO_ROUNDING)
     assert made.travel_time_s.tolist() == [15.0, 1.0, 9.0]
     assert made.moving_speed_m_s.tolist() == [8.0, 9.0, 7.0]
     np.testing.assert_allclose(made.elevation_position_m, np.array([0.0, 0.25, 1.0]) * 196.005, **TO_ROUNDING)
     assert made.flags == (Flag("a", "b"),)
-    short = route_from_pieces(np.array([(0.01, 1.0, NO), (0.009, 1.0, NO), (5.0, 2.0, NO)]), "t", None)
+    short = route_from_parts([of_pieces([(0.01, 1.0, NO), (0.009, 1.0, NO), (5.0, 2.0, NO)])], "t")
     assert short.length_m.tolist() == [0.01, 5.009]
     with pytest.raises(InvalidInput, match="no route"):
-        route_from_pieces(np.zeros((0, 3)), "t", None)
+        route_from_parts([of_pieces(np.zeros((0, 3)))], "t")
 
 
 def test_heights_of_points():

@@ -14,7 +14,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from tripwatt.arrays import BoolArray, FloatArray, running_sum
+from tripwatt.arrays import FloatArray, running_sum
 from tripwatt.errors import InvalidInput, excerpt, or_none
 from tripwatt.files import file_head
 from tripwatt.routes.carried import (
@@ -42,7 +42,7 @@ from tripwatt.routes.points import decode_polyline, distances_m, haversine_m, he
 from tripwatt.routes.services import Part, google_route, here_route, tomtom_route
 from tripwatt.routes.tracks import Track
 from tripwatt.routes.xml_tracks import track_from_xml
-from tripwatt.trips import Flag, Pause
+from tripwatt.trips import Flag
 from tripwatt.units import M_PER_FOOT, M_PER_MILE
 
 _ORS_UNITS_M: Final[Mapping[str, float]] = {"m": 1.0, "km": 1000.0, "mi": M_PER_MILE}
@@ -54,42 +54,37 @@ _SUFFIXES: Final = (".gpx", ".kml", ".kmz", ".json", ".geojson")
 """Suffixes of files that are routes whatever they begin with."""
 
 
-def route_from_pieces(
-    pieces: FloatArray,
-    where: str,
-    heights: tuple[FloatArray, FloatArray] | None,
-    *flags: Flag,
-    carried: BoolArray | None = None,
-) -> LinkRoute:
-    """Links of the pieces of a route. A piece that is too short or takes no time joins the next ones, at the end the last link.
+def route_from_parts(parts: Sequence[Part], where: str, *flags: Flag) -> LinkRoute:
+    """Links of the parts of a route, such as its legs. A piece that is too short or takes no time joins the next ones, at the end the last link.
 
     Parameters
     ----------
-    pieces : ndarray, shape (pieces, 3)
-        Length [m], time [s], and speed while nothing stands in the way [m/s], NaN = not known. A link has the speed of its last piece.
+    parts : sequence of Part
+        A link has the speed of its last piece. The heights of a part are spread over its length; they count if all parts have some.
     where : str
         Name of the response for messages.
-    heights : tuple of ndarray, optional
-        Distances from the start, which are scaled to the length of the links, and the heights there [m].
     *flags : Flag
         What is assumed of the route.
-    carried : ndarray of bool, shape (pieces,), optional
-        Whether a ferry or a train carries the car over a piece.
 
     Raises
     ------
     InvalidInput
         When no piece has a length and a time.
     """
-    pauses: tuple[Pause, ...] = ()
-    if carried is not None and carried.any():
-        length, time, _ = pieces.T
-        pauses = pauses_of(length, time, carried)
-        if heights is not None:
-            scale = float(length.sum()) / heights[0][-1] if heights[0][-1] > 0 else 1.0
-            heights = driven_positions(scale * heights[0], length, carried), heights[1]
-        pieces = pieces[~carried]
-    length, time, moving = pieces.T
+    pieces, carried = (np.concatenate([part[k] for part in parts]) for k in (0, 1))
+    length, time, _ = pieces.T
+    known = [(float(part.pieces[:, 0].sum()), *part.heights) for part in parts if part.heights is not None]
+    flags = (*flags, *(Flag("times_of_truck", "route"),) * any(part.of_truck for part in parts))
+    position, height = None, None
+    if len(known) == len(parts):
+        starts = running_sum(np.array([length_m for length_m, _, _ in known]))
+        places = [at + m * x / max(x[-1], 1e-9) for at, (m, x, _) in zip(starts, known, strict=False)]
+        position = driven_positions(np.concatenate(places), length, carried)
+        height = np.concatenate([h for *_, h in known])
+    else:
+        flags = (*flags, FLAT_ROAD)
+    pauses = pauses_of(length, time, carried)
+    length, time, moving = pieces[~carried].T
     ends = link_ends(length, time, SHORTEST_LINK_M, np.zeros(len(length), dtype=bool))
     if not len(ends):
         got, allowed = "no step with a length and a duration", "a route with steps"
@@ -97,30 +92,7 @@ def route_from_pieces(
     starts = np.append(0, ends[:-1] + 1)
     length, time = np.add.reduceat(length, starts), np.add.reduceat(time, starts)
     unknown = np.full(len(length), np.nan)
-    if heights is None:
-        return LinkRoute(length, time, unknown, moving[ends], flags=(*flags, FLAT_ROAD), pauses=pauses)
-    position, height = heights
-    if position[-1] > 0:
-        position = position * (float(length.sum()) / position[-1])
     return LinkRoute(length, time, unknown, moving[ends], position, height, flags, pauses=pauses)
-
-
-def route_from_parts(parts: Sequence[Part], where: str, *flags: Flag) -> LinkRoute:
-    """Links of the parts of a route, such as its legs. The heights of a part are spread over its length; they count if all parts have some.
-
-    Raises
-    ------
-    InvalidInput
-        As `route_from_pieces`.
-    """
-    pieces, carried = (np.concatenate([part[k] for part in parts]) for k in (0, 1))
-    known = [(float(part.pieces[:, 0].sum()), *part.heights) for part in parts if part.heights is not None]
-    starts = running_sum(np.array([length_m for length_m, _, _ in known]))
-    positions = [at + m * x / max(x[-1], 1e-9) for at, (m, x, _) in zip(starts, known, strict=False)]
-    is_complete = len(known) == len(parts)
-    heights = (np.concatenate(positions), np.concatenate([h for *_, h in known])) if is_complete else None
-    truck = (Flag("times_of_truck", "route"),) * any(part.of_truck for part in parts)
-    return route_from_pieces(pieces, where, heights, *flags, *truck, carried=carried)
 
 
 def _first_route(routes: Node) -> tuple[Node, tuple[Flag, ...]]:
@@ -210,7 +182,7 @@ def route_from_openrouteservice(
             heights = heights_along(decode_polyline(line.value, line.where, dimensions=3))
     steps = [step for segment in route["segments"].entries(min_count=1) for step in steps_of(segment)]
     pieces = step_pieces(steps) * (metres, 1.0, 1.0)
-    return route_from_pieces(pieces, where, heights, *flags, carried=ferry_steps(route, steps))
+    return route_from_parts([Part(pieces, ferry_steps(route, steps), heights)], where, *flags)
 
 
 def _openrouteservice_unit(response: Mapping[str, Any], where: str) -> float:
@@ -249,9 +221,10 @@ def route_from_graphhopper(response: Mapping[str, Any], where: str = "GraphHoppe
         pieces = np.column_stack((position[end] - position[start], milliseconds, moving[start]))
         carried = carried_points(details, len(points))[start]
     else:
-        pieces, carried = step_pieces(steps_of(path, "instructions"), time_key="time"), None
+        pieces = step_pieces(steps_of(path, "instructions"), time_key="time")
+        carried = np.zeros(len(pieces), dtype=bool)
     heights = None if points is None else heights_along(points)
-    return route_from_pieces(pieces * (1.0, 1e-3, 1.0), where, heights, *flags, carried=carried)
+    return route_from_parts([Part(pieces * (1.0, 1e-3, 1.0), carried, heights)], where, *flags)
 
 
 def _graphhopper_points(path: Node) -> FloatArray | None:
@@ -350,8 +323,6 @@ def is_route(path: Path | str) -> bool:
     path = Path(path)
     if path.suffix.lower() in _SUFFIXES:
         return path.is_file()
-    if not path.is_file():
-        return False
     head = file_head(path)
     return head.lstrip(b"\xef\xbb\xbf \t\r\n")[:1] in (b"<", b"{", b"[") or is_links_table(head)
 
