@@ -77,8 +77,8 @@ def route_from_parts(parts: Sequence[Part], where: str, *flags: Flag) -> LinkRou
     flags = (*flags, *(Flag("times_of_truck", "route"),) * any(part.of_truck for part in parts))
     position, height = None, None
     if len(known) == len(parts):
-        starts = running_sum(np.array([length_m for length_m, _, _ in known]))
-        places = [at + m * x / max(x[-1], 1e-9) for at, (m, x, _) in zip(starts, known, strict=False)]
+        begins = running_sum(np.array([length_m for length_m, _, _ in known]))
+        places = [at + m * x / max(x[-1], 1e-9) for at, (m, x, _) in zip(begins, known, strict=False)]
         position = driven_positions(np.concatenate(places), length, carried)
         height = np.concatenate([h for *_, h in known])
     else:
