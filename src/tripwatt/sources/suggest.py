@@ -84,15 +84,8 @@ def suggest_mapping(path: Path | str, names: Sequence[str] = (), beside: Sequenc
     """
     files = table_files(Path(path))
     files.sort(key=lambda file: -file.stat().st_size)
-    errors: list[InvalidInput] = []
-    for path in files:
-        try:
-            table, columns, decimal = _readable(path, names)
-            break
-        except InvalidInput as error:
-            errors.append(error)
-    else:
-        raise errors[0]
+    readable = ((file, read) for file in files if (read := or_none(_readable, file, names)) is not None)
+    path, (table, columns, decimal) = next(readable, None) or (files[0], _readable(files[0], names))
     beside = [*beside, *(file for file in files if file != path)]
     shipped = next((name for name in shipped_mappings() if _has_all(table, load_mapping(name))), None)
     if shipped is not None and load_mapping(shipped).long_name is not None:
