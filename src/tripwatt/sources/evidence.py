@@ -170,13 +170,13 @@ def best_flow(
     known : mapping of str to ndarray, shape (samples,)
         Our name -> values in our unit.
     unknown : mapping of str to ndarray, shape (samples,)
-        Columns that no name has identified.
+        Columns that no name has identified. Fewer than 10 values show nothing.
     labels : mapping of str to str
         Name of a column -> the name with the unit of the line below the header, if there is one.
     """
     if not len(time):
         return Flow()
-    spare, guesses = dict(unknown), []
+    spare, guesses = {n: values for n, values in unknown.items() if np.isfinite(values).sum() >= 10}, []
 
     def named(ours: str) -> dict[str, FloatArray]:
         return {n: values for n, values in spare.items() if may_hold(ours, labels.get(n, n))}
@@ -243,8 +243,6 @@ def _best_pair(
 
 def _is_pack_voltage(values: FloatArray) -> bool:
     known = values[np.isfinite(values)]
-    if len(known) < 10:
-        return False
     low, middle, high = np.quantile(known, [0.02, 0.5, 0.98])
     steady = abs(float(np.corrcoef(known, np.arange(len(known)))[0, 1])) > 0.9999 if high > low else True
     # 0.35: under load the voltage of a pack varies less, and a signal that rises evenly is a counter
@@ -253,6 +251,4 @@ def _is_pack_voltage(values: FloatArray) -> bool:
 
 def _may_be_speed(values: FloatArray) -> bool:
     known = values[np.isfinite(values)]
-    if len(known) < 10:
-        return False
     return bool(known.min() >= 0.0 and 5.0 <= known.max() <= 260.0 and known.min() < 0.2 * known.max())
