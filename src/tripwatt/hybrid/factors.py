@@ -266,10 +266,8 @@ class TripEvidence:
         return TripEvidence(tuple(self.trip_ids[i] for i in index), **arrays)
 
     def __add__(self, later: TripEvidence) -> TripEvidence:
-        arrays = {
-            f.name: np.concatenate([getattr(self, f.name), getattr(later, f.name)]) for f in fields(self)[1:]
-        }
-        return TripEvidence((*self.trip_ids, *later.trip_ids), **arrays)
+        pairs = [(getattr(self, f.name), getattr(later, f.name)) for f in fields(self)[1:]]
+        return TripEvidence((*self.trip_ids, *later.trip_ids), *(np.concatenate(pair) for pair in pairs))
 
     def sums(self, car_model: str, vehicle: str) -> Sums:
         """Sums of the trips as one vehicle of a population; each trip is weighted by the errors of this car's trips.

@@ -70,18 +70,15 @@ class TreeTable:
             raise InvalidInput.of("trees cannot be stored", "LightGBM text", "levels", "numeric splits")
         splits = max([1, *(len(t.get("split_feature", "").split()) for t in trees)])
         arrays: dict[str, npt.NDArray[Any]] = {}
-        sources = ("split_feature", "threshold", "decision_type", "left_child", "right_child")
-        for name, source in zip(_FIELDS[:5], sources, strict=True):
-            kind = np.float64 if name == "threshold" else np.int64
+        sources = ("split_feature", "threshold", "decision_type", "left_child", "right_child", "leaf_value")
+        for name, source in zip(_FIELDS, sources, strict=True):
+            kind = np.float64 if name in ("threshold", "leaf_value") else np.int64
+            width = splits + (name == "leaf_value")
             # a lone leaf is stored as a split with leaf 0 on both sides
-            arrays[name] = np.full((n_trees, splits), -1 if name in ("left", "right") else 0, dtype=kind)
+            arrays[name] = np.full((n_trees, width), -1 if name in ("left", "right") else 0, dtype=kind)
             for row, tree in enumerate(trees):
                 values = tree.get(source, "").split()
                 arrays[name][row, : len(values)] = [kind(v) for v in values]
-        arrays["leaf_value"] = np.zeros((n_trees, splits + 1))
-        for row, tree in enumerate(trees):
-            values = tree["leaf_value"].split()
-            arrays["leaf_value"][row, : len(values)] = [float(v) for v in values]
         return cls(**arrays)
 
     def _faults(self) -> Iterator[Fault]:
