@@ -198,6 +198,6 @@ def test_after_the_last_reading_the_end_counts(model):
     along = asked(model).along
     done = replace(along, read_s=float(along.time_s[-1]))
     assert done.spare(0.1, 0.5) == pytest.approx(float(along.soc(0.5)[-1]) - 0.1, abs=1e-12)
-    assert done.expected_missing_wh == pytest.approx(
+    assert done.missing_at(done.expected_soc) == pytest.approx(
         max(-float(along.soc(0.5)[-1]), 0.0) * along.wh_per_display
     )

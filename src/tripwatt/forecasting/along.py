@@ -122,14 +122,10 @@ class Along:
 
         An entry is 0 if the battery holds enough. The place with the lowest charge counts, even if it is before the end.
         """
-        return tuple(map(self._missing_wh, reversed(self.soc_band)))
+        return tuple(map(self.missing_at, reversed(self.soc_band)))
 
-    @property
-    def expected_missing_wh(self) -> float:
-        """The expected entry of `missing_wh` [Wh]."""
-        return self._missing_wh(self.expected_soc)
-
-    def _missing_wh(self, charge: FloatArray) -> float:
+    def missing_at(self, charge: FloatArray) -> float:
+        """The entry of `missing_wh` [Wh] of one course of the displayed state of charge, shape (edges,)."""
         return max(-float(charge[self._ahead].min()), 0.0) * self.wh_per_display
 
     def spare(self, reserve: float, probability: float) -> float:

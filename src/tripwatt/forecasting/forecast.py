@@ -683,8 +683,7 @@ def _charge_start(forecast: Forecast, energy_wh: FloatArray) -> tuple[ChargeRead
     segments, shape (edges,).
     """
     anchor, departure, scale = forecast.measured.anchor, forecast.plan.departure, forecast.charge
-    read = anchor is not None and anchor.displayed and not anchor.charged
-    if anchor is not None and read and min(anchor.value, departure.soc or 0.0) >= FULL:
+    if anchor and anchor.displayed and not anchor.charged and min(anchor.value, departure.soc or 0.0) >= FULL:
         anchor = None  # a full display hides charge; the hidden charge at departure is known better than that of now
     if anchor is not None and anchor.displayed:
         return anchor, False
@@ -737,7 +736,7 @@ def with_empty_flag(forecast: Forecast) -> Forecast:
     """Return the forecast with the flag `battery_empty` if the trip is expected to take more than the battery holds."""
     gone = {"battery_empty"} | ({"soc_assumed"} if forecast.measured.anchor is not None else set())
     flags = tuple(flag for flag in forecast.flags if flag.code not in gone)
-    missing = forecast.along.expected_missing_wh
+    missing = forecast.along.missing_at(forecast.along.expected_soc)
     if missing > 0.0:
         return replace(forecast, flags=(*flags, Flag("battery_empty", "battery", missing, "wh")))
     # the same object if nothing changes: its cached properties are kept
