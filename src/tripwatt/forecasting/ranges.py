@@ -136,16 +136,10 @@ def kept_temperatures(plan: Plan, given: Departure | None) -> list[Flag]:
     """Flags for cabin and battery temperatures of the plan that are far from the outside temperature in `given`."""
     if given is None or given.ambient_temperature_degc is None:
         return []
-    flags = []
-    for name in ("cabin_temperature_degc", "battery_temperature_degc"):
-        start = getattr(plan.departure, name)
-        if (
-            getattr(given, name) is None
-            and start is not None
-            and abs(start - given.ambient_temperature_degc) > FAR_K
-        ):
-            flags.append(Flag("file_value_kept", name, start, "degc"))
-    return flags
+    names = ("cabin_temperature_degc", "battery_temperature_degc")
+    kept = {name: getattr(plan.departure, name) for name in names if getattr(given, name) is None}
+    far = {n: t for n, t in kept.items() if t is not None and abs(t - given.ambient_temperature_degc) > FAR_K}
+    return [Flag("file_value_kept", *pair, "degc") for pair in far.items()]
 
 
 def compare(

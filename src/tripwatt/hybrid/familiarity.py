@@ -8,7 +8,7 @@ not among the covariates, because the corrections are of power.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 from typing import Final
 
@@ -94,21 +94,18 @@ class Familiarity:
         )
 
     @classmethod
-    def from_features(cls, features: pd.DataFrame, columns: Iterable[str]) -> Familiarity:
+    def from_features(cls, features: pd.DataFrame, columns: Collection[str]) -> Familiarity:
         """Take the ranges of the given columns that are in `FADING`.
 
         Parameters
         ----------
         features : DataFrame, (rows, columns)
             Features of the training trips; NaN if unknown.
-        columns : iterable of str
+        columns : collection of str
             Columns that the correction depends on.
         """
-        wanted = set(columns)
-        ranges = {
-            name: Range.from_values(features[name]) for name in FADING if name in wanted and name in features
-        }
-        return cls({name: seen for name, seen in ranges.items() if seen is not None})
+        names = [name for name in FADING if name in columns and name in features]
+        return cls({name: seen for name in names if (seen := Range.from_values(features[name])) is not None})
 
     def distances(self, features: pd.DataFrame) -> dict[str, FloatArray]:
         """Distance of each row outside of each range, in standard deviations: covariate -> shape (rows,)."""
