@@ -10,7 +10,7 @@ import difflib
 import re
 import reprlib
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence, Sized
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import asdict, dataclass, replace
 from importlib.util import find_spec
 from typing import Any, Final, ParamSpec, Self, TypeVar, cast
@@ -416,7 +416,14 @@ def or_none(call: Callable[Given, Checked], *args: Given.args, **more: Given.kwa
 
 
 @contextmanager
-def places_named(names: Mapping[str, str]) -> Iterator[None]:
+def _places_renamed(renamed: Callable[[str], str]) -> Iterator[None]:
+    try:
+        yield
+    except InvalidInput as error:
+        raise InvalidInput(replace(f, where=renamed(f.where)) for f in error.faults) from error
+
+
+def places_named(names: Mapping[str, str]) -> AbstractContextManager[None]:
     """Rename the places of the faults that the block raises.
 
     Examples
@@ -427,14 +434,10 @@ def places_named(names: Mapping[str, str]) -> Iterator[None]:
     ...
     tripwatt.errors.InvalidInput: not a number: --mass
     """
-    try:
-        yield
-    except InvalidInput as error:
-        raise InvalidInput(replace(f, where=names.get(f.where, f.where)) for f in error.faults) from error
+    return _places_renamed(lambda where: names.get(where, where))
 
 
-@contextmanager
-def places_within(place: str) -> Iterator[None]:
+def places_within(place: str) -> AbstractContextManager[None]:
     """Put a text before the places of the faults that the block raises.
 
     Examples
@@ -445,10 +448,7 @@ def places_within(place: str) -> Iterator[None]:
     ...
     tripwatt.errors.InvalidInput: not a number: trips[3].soc
     """
-    try:
-        yield
-    except InvalidInput as error:
-        raise InvalidInput(replace(f, where=f"{place}{f.where}") for f in error.faults) from error
+    return _places_renamed(lambda where: f"{place}{where}")
 
 
 class Check:
