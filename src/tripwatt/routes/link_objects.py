@@ -110,10 +110,9 @@ def fields_of_route(route: LinkRoute) -> dict[str, Any]:
     columns = {name: values for name in names if (values := getattr(route, name)) is not None}
     rows = zip(*(values.tolist() for values in columns.values()), strict=True)
     links = [{n: v for n, v in zip(columns, row, strict=True) if v == v} for row in rows]
-    if route.elevation_m is None or route.elevation_position_m is None:
-        return {"links": links, "elevation": None}
-    position_m, elevation_m = route.elevation_position_m.tolist(), route.elevation_m.tolist()
-    return {"links": links, "elevation": {"position_m": position_m, "elevation_m": elevation_m}}
+    heights = {"position_m": route.elevation_position_m, "elevation_m": route.elevation_m}
+    known = {name: values.tolist() for name, values in heights.items() if values is not None}
+    return {"links": links, "elevation": known or None}
 
 
 @dataclass(slots=True)

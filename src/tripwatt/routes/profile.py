@@ -259,8 +259,7 @@ class Course:
         self.position[self.ends] = np.cumsum(length)
         self.dip_link = np.repeat(np.arange(n), dips)
         index = np.arange(len(self.dip_link)) - np.repeat(np.cumsum(dips) - dips, dips)
-        drawn = None if rng is None else rng.uniform(0.2, 0.8, len(self.dip_link))
-        place = style.stop_place if drawn is None else drawn
+        place = style.stop_place if rng is None else rng.uniform(0.2, 0.8, len(self.dip_link))
         cells_of_link = cells[self.dip_link]
         within = np.rint((index + place) / dips[self.dip_link] * cells_of_link).astype(np.int64)
         self.dip_node = (self.ends - cells)[self.dip_link] + np.clip(within, 2, cells_of_link - 2)

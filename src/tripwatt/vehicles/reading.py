@@ -161,10 +161,9 @@ def _entry_faults(key: str, raw: Any, place: str) -> Iterator[Fault]:
     if field is None:
         allowed = "a key of the parameter table in docs/explanation/car-model.md"
         yield Fault("unknown key", place, key, allowed, did_you_mean(key, (*ALIASES, *_fields())))
-    elif not isinstance(raw, Mapping):
-        if raw is not None:
-            yield Fault("not an entry", place, excerpt(raw), "{ value = ..., unit = ..., source = ... }")
-    else:
+    elif raw is not None and not isinstance(raw, Mapping):
+        yield Fault("not an entry", place, excerpt(raw), "{ value = ..., unit = ..., source = ... }")
+    elif raw is not None:
         for word in raw:
             if word not in ENTRY_KEYS:
                 yield Fault.unknown("unknown key of an entry", place, word, ENTRY_KEYS)
