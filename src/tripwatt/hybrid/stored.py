@@ -8,8 +8,9 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import TYPE_CHECKING, Any, Final, TypeVar, get_args, get_origin
 
 import numpy as np
@@ -149,30 +150,26 @@ def new_converter() -> Converter:
 
     converter = Converter(forbid_extra_keys=True)
     for kind, types in {float: (float, int), int: (int,), str: (str,), bool: (bool,)}.items():
-        converter.register_structure_hook(kind, _strict(kind, types))
+        converter.register_structure_hook(kind, partial(_strict, kind, types))
     configure_union_passthrough(float | str | None, converter)
     converter.register_structure_hook_func(_is_array, _array)
     converter.register_unstructure_hook_func(_is_array, lambda array: array)
     converter.register_unstructure_hook(GPCorrector, lambda gp: _gp_values(gp, converter))
     converter.register_structure_hook(GPCorrector, lambda values, _: _gp(values, converter))
-    converter.register_unstructure_hook_func(
-        lambda kind: kind is PowerCorrector, lambda corrector: _corrector_values(corrector, converter)
-    )
-    converter.register_structure_hook_func(
-        lambda kind: kind is PowerCorrector, lambda values, _: _corrector(values, converter)
-    )
+
+    def is_any(kind: Any) -> bool:
+        return kind is PowerCorrector
+
+    converter.register_unstructure_hook_func(is_any, lambda fitted: _corrector_values(fitted, converter))
+    converter.register_structure_hook_func(is_any, lambda values, _: _corrector(values, converter))
     return converter
 
 
-def _strict(kind: type[T], types: tuple[type, ...]) -> Callable[[Any, Any], T]:
-    """Return a hook that accepts a plain value of given types only: neither text nor a truth value counts as a number."""
-
-    def value_of(value: Any, _: Any) -> T:
-        if not isinstance(value, types) or (isinstance(value, bool) and kind is not bool):
-            raise TypeError(f"got {excerpt(value)}, not {kind.__name__}")
-        return kind(value)  # type: ignore[call-arg]
-
-    return value_of
+def _strict(kind: type[T], types: tuple[type, ...], value: Any, _: Any) -> T:
+    """Accept a plain value of given types only: neither text nor a truth value counts as a number."""
+    if not isinstance(value, types) or (isinstance(value, bool) and kind is not bool):
+        raise TypeError(f"got {excerpt(value)}, not {kind.__name__}")
+    return kind(value)  # type: ignore[call-arg]
 
 
 def _is_array(kind: Any) -> bool:
