@@ -204,18 +204,16 @@ def stray_soc(time: FloatArray, soc: FloatArray) -> BoolArray:
     return stray
 
 
-def missing_soc(time: FloatArray, soc: FloatArray, trip_id: str) -> list[Finding]:
+def missing_soc(time: FloatArray, soc: FloatArray, trip_id: str) -> Iterator[Finding]:
     """Find a state of charge that is missing for long at the start or at the end."""
     known = np.flatnonzero(np.isfinite(soc))
-    findings: list[Finding] = []
     spans = ((0, int(known[0]), "start"), (int(known[-1]), len(soc) - 1, "end"))
     for first, last, where in spans:
         # 10.0: a shorter gap at an end is not reported: logs commonly lack the state of charge of the last
         # second or two
         if time[last] - time[first] > 10.0:
             what = f"state of charge is missing for {time[last] - time[first]:.1f} s at the {where}"
-            findings.append(Finding(trip_id, float(time[first]), float(time[last]), what, "noted"))
-    return findings
+            yield Finding(trip_id, float(time[first]), float(time[last]), what, "noted")
 
 
 def unit_findings(trip: Recorded) -> list[Finding]:
