@@ -76,7 +76,7 @@ def bombs(number: int) -> Iterator[Row]:
 def cars(number: int, seed: int = 11) -> Iterator[Row]:
     """Cars with extreme values inside of their bounds, on a level road."""
     from tripwatt import Departure, InvalidInput, load_model, load_vehicle, read_route
-    from tripwatt.population import without_trips
+    from tripwatt.population.adapting import without_trips
 
     model, departure = load_model(), Departure(soc=0.9, ambient_temperature_degc=5.0)
     plan = read_route(LEVEL_ROAD)

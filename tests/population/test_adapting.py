@@ -20,8 +20,16 @@ from tripwatt.hybrid.factors import NAMES, UNITS, FactorCorrector
 from tripwatt.hybrid.groups import Sums
 from tripwatt.hybrid.learning import KINDS, Experts
 from tripwatt.physics import simulate_trip
-from tripwatt.population import adapt_model, adaptation, population, without_trips
-from tripwatt.population.adapting import PROTOCOL, Adaptation, in_order, population_of, scores_of
+from tripwatt.population import adaptation, population
+from tripwatt.population.adapting import (
+    PROTOCOL,
+    Adaptation,
+    adapt_model,
+    in_order,
+    population_of,
+    scores_of,
+    without_trips,
+)
 from tripwatt.population.prior import Population, Source
 from tripwatt.study.synthetic import synthetic_fleet
 from tripwatt.trips import Plan, Trip, TripSet

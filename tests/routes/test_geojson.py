@@ -8,7 +8,8 @@ import pytest
 from tests.routes.made import NO, SPEED, drive, faults_of, gpx
 
 from tripwatt.errors import InvalidInput
-from tripwatt.routes import ROAD_SPEED_M_S, Track, parse_route, points
+from tripwatt.routes import Track, parse_route, points
+from tripwatt.routes.geojson import ROAD_SPEED_M_S
 from tripwatt.trips import Flag
 
 

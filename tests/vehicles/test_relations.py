@@ -9,7 +9,7 @@ from tests.support.cars import LEVEL_ROAD, extreme_cars
 import tripwatt as tw
 from tripwatt.certification import describe_car
 from tripwatt.errors import InvalidInput
-from tripwatt.population import without_trips
+from tripwatt.population.adapting import without_trips
 from tripwatt.trips import Departure
 from tripwatt.vehicles import load_vehicle, vehicle_names
 from tripwatt.vehicles.relations import relation_faults, table_faults

@@ -1,6 +1,5 @@
 """Planned trips from links, recorded tracks or router responses, and the speed over time of a driver on them."""
 
-from tripwatt.routes.geojson import ROAD_SPEED_M_S
 from tripwatt.routes.link_objects import is_links_table, route_from_links
 from tripwatt.routes.links import LinkRoute, links_of_trip, plan_on_links
 from tripwatt.routes.profile import LinkStyle, link_profile
@@ -8,7 +7,6 @@ from tripwatt.routes.responses import is_route, parse_route
 from tripwatt.routes.tracks import Track
 
 __all__ = [
-    "ROAD_SPEED_M_S",
     "LinkRoute",
     "LinkStyle",
     "Track",

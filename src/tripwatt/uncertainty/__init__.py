@@ -4,7 +4,7 @@ from tripwatt.uncertainty.charge import ChargeScale
 from tripwatt.uncertainty.conformal import ConformalScores
 from tripwatt.uncertainty.coverage import Coverage
 from tripwatt.uncertainty.model import UncertaintyModel
-from tripwatt.uncertainty.process import Segments, fit_process
+from tripwatt.uncertainty.process import Segments
 from tripwatt.uncertainty.residual_power import PowerPrior, ResidualPower
 from tripwatt.uncertainty.route import LinkedTrips, RouteUncertainty, linked_trips
 
@@ -18,6 +18,5 @@ __all__ = [
     "RouteUncertainty",
     "Segments",
     "UncertaintyModel",
-    "fit_process",
     "linked_trips",
 ]

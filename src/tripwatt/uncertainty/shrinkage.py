@@ -82,8 +82,7 @@ class UpdateShrinkage:
 
         Examples
         --------
-        >>> from tripwatt.uncertainty import Segments, fit_process
-        >>> from tripwatt.uncertainty.process import HeldOutResidual
+        >>> from tripwatt.uncertainty.process import HeldOutResidual, Segments, fit_process
         >>> segments = Segments(np.arange(12) * 60.0, np.full(12, 60.0), np.full(12, 4000.0), np.zeros(12))
         >>> trips = [HeldOutResidual(segments, np.full(12, power)) for power in (-80.0, 60.0, 20.0, -30.0, 90.0)]
         >>> shrinkage = UpdateShrinkage.from_trips(fit_process(trips), trips, np.full(5, 15.0))

@@ -1,6 +1,6 @@
 """Cars as frozen dataclasses, one TOML per car: value, unit and source for every entry."""
 
-from tripwatt.vehicles.comparing import Difference, differences, with_differences, without_data
+from tripwatt.vehicles.comparing import differences, with_differences, without_data
 from tripwatt.vehicles.extras import with_extras
 from tripwatt.vehicles.loading import (
     find_vehicles,
@@ -19,7 +19,6 @@ __all__ = [
     "LICENCES",
     "Battery",
     "Climate",
-    "Difference",
     "Drivetrain",
     "Regeneration",
     "Tyres",
