@@ -10,7 +10,7 @@ from typing import Any, Final, TypeVar
 
 import numpy as np
 
-from tripwatt.arrays import FloatArray
+from tripwatt.arrays import FloatArray, by_key
 from tripwatt.errors import Fault, InvalidInput, raise_faults
 from tripwatt.physics.cabin import CabinRun, condition_cabins
 from tripwatt.physics.chain import Flags, Trace, drive_chain
@@ -116,14 +116,15 @@ def _in_order(pairs: Iterable[Pair], results: Results[R]) -> Iterator[R]:
 
 def _alike(drives: Sequence[Drive]) -> Iterable[list[int]]:
     """Group the indices of drives that can go through the chain together: same kind of car, similar length."""
-    groups: dict[tuple[Any, ...], list[int]] = {}
     kinds = {number: _kind(car) for number, car in {id(d.vehicle): d.vehicle for d in drives}.items()}
-    for number, drive in enumerate(drives):
+
+    def alike(number: int) -> tuple[Any, ...]:
+        drive = drives[number]
         # eight classes of length for each doubling: a twentieth of the samples is padding
         length = round(8 * math.log2(len(drive.time_s)))
-        key = (length, drive.headwind_m_s is None, kinds[id(drive.vehicle)])
-        groups.setdefault(key, []).append(number)
-    return groups.values()
+        return length, drive.headwind_m_s is None, kinds[id(drive.vehicle)]
+
+    return by_key(range(len(drives)), alike).values()
 
 
 def _kind(vehicle: Vehicle) -> tuple[Any, ...]:

@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
-from tripwatt.arrays import BoolArray, FloatArray, running_sum
+from tripwatt.arrays import BoolArray, FloatArray, by_key, running_sum
 from tripwatt.errors import (
     MAX_FAULTS,
     MAX_HINTS,
@@ -221,13 +221,11 @@ def link_header_faults(names: Sequence[str], where: str) -> list[Fault]:
 
 def _unknown_keys(rows: Sequence[Mapping[str, Any]], wrong: _Faults) -> None:
     """Add the faults of unknown keys, each with its links; of more than `MAX_FAULTS` keys, the rest is counted."""
-    unknown: dict[object, list[int]] = {}
-    for k, row in enumerate(rows):
-        for key in row:
-            if key not in LINK_COLUMNS:
-                unknown.setdefault(key, []).append(k)
+    places = ((key, k) for k, row in enumerate(rows) for key in row if key not in LINK_COLUMNS)
+    unknown = by_key(places, lambda place: place[0])
     allowed = ", ".join(LINK_KEYS)
-    for number, (name, where) in enumerate(itertools.islice(unknown.items(), MAX_FAULTS)):
+    for number, (name, its) in enumerate(itertools.islice(unknown.items(), MAX_FAULTS)):
+        where = [k for _, k in its]
         hint, got = _key_hint(name) if number < MAX_HINTS else "", dict.fromkeys(where, excerpt(name))
         wrong.add("unknown key", where, "", got.__getitem__, allowed, hint)
     if len(unknown) > MAX_FAULTS:
