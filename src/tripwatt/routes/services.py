@@ -53,12 +53,10 @@ def google_route(route: Node) -> list[Part]:
     """
     parts = []
     for leg in _asked(route["legs"], _GOOGLE):
-        steps = _asked(leg["steps"], _GOOGLE)
         # a step has its time on an empty road, and no length of 0
+        steps = [Node({"distanceMeters": 0} | s.members(), s.where) for s in _asked(leg["steps"], _GOOGLE)]
         times = np.array([_seconds(step["staticDuration"]) for step in steps])
-        lengths = [
-            Node(step.members().get("distanceMeters", 0), step.where).number(minimum=0.0) for step in steps
-        ]
+        lengths = [step["distanceMeters"].number(minimum=0.0) for step in steps]
         times *= _seconds(leg["duration"]) / max(times.sum(), 1e-9)
         instructions = [str(step["navigationInstruction"].value) for step in steps]
         carried = np.array(["'maneuver': 'FERRY" in text for text in instructions])
