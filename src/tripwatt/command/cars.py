@@ -100,16 +100,15 @@ def _new(given: dict[str, Any], out: Path | None) -> Answer:
 
     with places_named(OPTIONS):
         car = tw.describe_car(**given)
-    certified, text = certified_interval(car), render_vehicle(car)
-    wltp = {"middle": certified.middle, "low": certified.low, "high": certified.high}
-    document = {"title": car.title, "anchor": car.anchor, "wltp_kwh_per_100km": wltp, "toml": text}
+    wltp, text = certified_interval(car), render_vehicle(car)
+    document = {"title": car.title, "anchor": car.anchor, "wltp_kwh_per_100km": asdict(wltp), "toml": text}
     if out is None:
         return Answer(document, partial(typer.echo, text, nl=False))
     write_text(text, out)
     return Answer(
         document,
-        f"{out} is written: {car.title}. On the WLTP it would use {certified.middle:.1f} kWh/100 km; 9 in 10 such cars use "
-        f"{certified.low:.1f} to {certified.high:.1f}. Forecast with `tripwatt forecast ROUTE --car {out}`",
+        f"{out} is written: {car.title}. On the WLTP it would use {wltp.middle:.1f} kWh/100 km; 9 in 10 such cars use "
+        f"{wltp.low:.1f} to {wltp.high:.1f}. Forecast with `tripwatt forecast ROUTE --car {out}`",
     )
 
 

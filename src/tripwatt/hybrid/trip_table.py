@@ -149,11 +149,10 @@ class TripTable:
         """
         index = np.asarray(members, dtype=np.int64)
         rows = self.rows_of(index)
-        lengths = np.diff(self.offsets)[index]
         return replace(
             self,
             trips=tuple(self.trips[i] for i in index),
-            offsets=np.concatenate(([0], np.cumsum(lengths))),
+            offsets=np.concatenate(([0], np.cumsum(np.diff(self.offsets)[index]))),
             covariates=self.covariates.iloc[rows].reset_index(drop=True),
             observed_wh=self.observed_wh[rows],
             simulated_wh={name: values[rows] for name, values in self.simulated_wh.items()},
