@@ -116,9 +116,7 @@ def unpacked(path: Path | str, faults: list[Fault]) -> Iterator[Path]:
         yield place
         return
     with tempfile.TemporaryDirectory() as folder:
-        for file in packed:
-            if not file.is_file() or not (is_packed(file) or file.suffix.lower() in SUFFIXES):
-                continue
+        for file in (f for f in packed if f.is_file() and (is_packed(f) or f.suffix.lower() in SUFFIXES)):
             try:
                 unpack(file, Path(folder))
             except InvalidInput as error:

@@ -138,11 +138,9 @@ def candidates(ours: str, names: Sequence[str]) -> list[str]:
     for pattern in column_names()[ours]:
         for name in names:
             shown = _SHOWN.search(name) is not None  # "State of charge (display)": brackets are no unit here
-            if ours == "soc" and shown:
-                continue
             text = f"{words(name)} display" if ours == "displayed_soc" and shown else words(name)
             without_unit = " ".join(text.split()[:-1])  # "u v", "i a", "z m": a letter and its unit
             matches = re.search(pattern, text) or (without_unit and re.search(pattern, without_unit))
-            if matches and not is_excluded(ours, name):
+            if matches and not (ours == "soc" and shown) and not is_excluded(ours, name):
                 likely.setdefault(name)
     return list(likely)

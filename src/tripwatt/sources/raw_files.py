@@ -202,10 +202,8 @@ def _read_long(file: RawFile, table: TableFile) -> None:
     signals, texts, units = (np.array(column, dtype=object)[timed] for column in columns)
     times, index = np.unique(raw_time[timed], return_inverse=True)
     file.values, file.rows = {"time_s": times}, len(times)
-    for ours, entry in mapping.columns.items():
+    for ours, entry in ((ours, entry) for ours, entry in mapping.columns.items() if ours != "time_s"):
         rows = np.flatnonzero(signals == entry.column)
-        if ours == "time_s":
-            continue
         if not len(rows):
             present = sorted(set(signals.tolist()))
             got, fix = ", ".join(map(repr, present[:8])), did_you_mean(entry.column, present)

@@ -320,8 +320,7 @@ def _rising(table: TableFile, columns: Mapping[str, FloatArray], taken: set[str]
             guess = _stamped(table, name)
             if guess is not None:
                 return {"time_s": guess}
-            continue
-        steps = np.diff(columns[name])
+        steps = np.diff(columns.get(name, np.zeros(0)))
         if len(steps) > 9 and (steps > 0).all() and np.quantile(steps, 0.9) <= 2.0 * np.median(steps):
             unit, why = unit_of_values("time_s", columns[name])
             why = f"no name matches; the values increase in even steps; {why}"
@@ -359,13 +358,10 @@ def _clock(guesses: Mapping[str, Guess], drive: Mapping[str, FloatArray], rows: 
 
 def _in_our_units(guesses: Mapping[str, Guess], drive: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
     """The columns guessed for speed, voltage, current and power, in our units."""
-    known: dict[str, FloatArray] = {}
-    for ours in ("speed_m_s", "voltage_v", "current_a", POWER):
-        guess = guesses.get(ours)
-        if guess is not None and guess.column in drive:
-            factor, offset = UNITS[ours][guess.unit.lower()]
-            known[ours] = drive[guess.column] * factor + offset
-    return known
+    wanted = {ours: guesses[ours] for ours in ("speed_m_s", *MEASURED_FLOW) if ours in guesses}
+    known = {ours: guess for ours, guess in wanted.items() if guess.column in drive}
+    units = {ours: UNITS[ours][guess.unit.lower()] for ours, guess in known.items()}
+    return {ours: drive[known[ours].column] * factor + offset for ours, (factor, offset) in units.items()}
 
 
 def _with_speed_unit(guesses: dict[str, Guess], flow: Flow) -> dict[str, Guess]:
