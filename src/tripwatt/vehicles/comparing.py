@@ -79,14 +79,12 @@ def differences(vehicle: Vehicle, other: Vehicle) -> tuple[Difference, ...]:
     different = []
     for section, kind in SECTIONS.items():
         one, two = getattr(vehicle, section), getattr(other, section)
-        if one is None or two is None:
-            if one is not two:
-                shown = ["none" if part is None else "given" for part in (one, two)]
-                different.append(Difference(section, shown[0], shown[1], ""))
-            continue
+        if (one is None) != (two is None):
+            shown = ["none" if part is None else "given" for part in (one, two)]
+            different.append(Difference(section, shown[0], shown[1], ""))
         others = ROAD_LOADS.keys() - {one.method} if section == "road_load" else ()
         unused = {name for method in others for name in ROAD_LOADS[method]}
-        for field in dataclasses.fields(kind):
+        for field in dataclasses.fields(kind) if one is not None and two is not None else ():
             key = f"{section}.{field.name}"
             value, known = getattr(one, field.name), getattr(two, field.name)
             if field.name not in unused and not (_same(value, known) or _is_published(value, key, other)):

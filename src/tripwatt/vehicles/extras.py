@@ -66,10 +66,8 @@ def with_extras(vehicle: Vehicle, extras: Iterable[str], tyre_pressure: float | 
         "body.curb_mass_kg": vehicle.body.curb_mass_kg + mass,
         "auxiliaries.base_load_w": vehicle.auxiliaries.base_load_w + power,
     }
-    for name in ROLLING_ENTRIES:
-        value = getattr(load, name)
-        if value is not None:
-            values[f"road_load.{name}"] = value * rolling
+    coefficients = {name: getattr(load, name) for name in ROLLING_ENTRIES}
+    values |= {f"road_load.{name}": c * rolling for name, c in coefficients.items() if c is not None}
     if load.coastdown_c_n_s2_m2 is not None:
         density = load.coastdown_air_density_kg_m3 or ROAD_LOAD_DENSITY_KG_M3
         values["road_load.coastdown_c_n_s2_m2"] = load.coastdown_c_n_s2_m2 + 0.5 * density * area

@@ -62,15 +62,14 @@ def _replaced(vehicle: Vehicle, loaded: Vehicle) -> dict[str, Entry]:
             key, value = f"{section}.{field.name}", getattr(part, field.name)
             old = vehicle.entries.get(key)
             rescaled = old is not None and old.scale == "displayed_soc"  # by the other values of the battery
-            if value is None or (value == getattr(before, field.name, None) and not rescaled):
-                continue
-            entries[key] = Entry(
-                value,
-                field.metadata["unit"],
-                "set after the car was loaded",
-                scale="soc" if field.metadata.get("scaled") else "",
-                licence="user",
-            )
+            if value is not None and (rescaled or value != getattr(before, field.name, None)):
+                entries[key] = Entry(
+                    value,
+                    field.metadata["unit"],
+                    "set after the car was loaded",
+                    scale="soc" if field.metadata.get("scaled") else "",
+                    licence="user",
+                )
     return entries
 
 
