@@ -67,9 +67,7 @@ def blank_impossible(samples: pd.DataFrame, trip_id: str) -> Iterator[Change]:
 
     A small negative speed counts as reversing and is made positive.
     """
-    for name, column in COLUMNS.items():
-        if name == "time_s" or name not in samples.columns:
-            continue
+    for name, column in ((n, c) for n, c in COLUMNS.items() if n != "time_s" and n in samples.columns):
         values = array(samples, name)
         # 10.0: fastest reversing: a negative speed up to this magnitude counts as reversing, a faster one as a
         # fault

@@ -89,9 +89,8 @@ def frozen_sensor_findings(samples: pd.DataFrame, trip_id: str) -> Iterator[Find
             lasted = time[last] - time[first]
             # 60.0: duration for which voltage or current cannot stay constant while the speed changes by
             # 3 m/s
-            if lasted < 60.0 or last - first < FEWEST_SAMPLES:
-                continue
-            if np.ptp(speed[first : last + 1]) > 3.0:
+            is_long = lasted >= 60.0 and last - first >= FEWEST_SAMPLES
+            if is_long and np.ptp(speed[first : last + 1]) > 3.0:
                 what = f"{signal_name(name)} stays at {values[first]:g} for {lasted:.1f} s while the speed changes"
                 # 0.1: largest share of a drive in which the current may be frozen; beyond it the energy is
                 # unknown. Voltage varies only by a few percent
@@ -128,9 +127,8 @@ def filled_gaps(samples: pd.DataFrame, trip_id: str) -> Iterator[Finding]:
         last = stop + 1
         lasted = time[last] - time[first]
         # 10.0: duration [s] from which signals that are all straight lines show a filled gap
-        if lasted < 10.0 or stop - first < FEWEST_SAMPLES:
-            continue
-        if are_lines(time[first : last + 1], [x[first : last + 1] for x in signals], tolerances):
+        is_long = lasted >= 10.0 and stop - first >= FEWEST_SAMPLES
+        if is_long and are_lines(time[first : last + 1], [x[first : last + 1] for x in signals], tolerances):
             what = f"speed, voltage and current are straight lines for {lasted:.1f} s: a filled gap"
             yield between(samples, trip_id, first, last, what, "set aside")
 
@@ -188,9 +186,8 @@ def charging_cuts(samples: pd.DataFrame) -> Iterator[Cut]:
 def blank_stuck_heater(samples: pd.DataFrame, trip_id: str) -> Iterator[Change]:
     """Blank a heater signal that is stuck at one value, or its pulses that no heater can make."""
     time = array(samples, "time_s")
-    for name in ("heating_power_w", "requested_heating_power_w"):
-        if not has(samples, name):
-            continue
+    heaters = ("heating_power_w", "requested_heating_power_w")
+    for name in (name for name in heaters if has(samples, name)):
         values = array(samples, name)
         pulses = short_pulses(time, values)
         stuck = stuck_level(samples, values, pulses) if name == "heating_power_w" else None

@@ -189,6 +189,5 @@ def scalar_faults(values: Mapping[str, Any]) -> Iterator[Fault]:
     value out of range: ambient_temperature_degc: got 99; allowed: -60 to 57 °C
     """
     for name, value in values.items():
-        if value is None:
-            continue
-        yield from number_faults(name, value, BOUNDS[name])
+        if value is not None:
+            yield from number_faults(name, value, BOUNDS[name])

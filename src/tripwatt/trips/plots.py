@@ -40,9 +40,8 @@ def plot_parts(
     """Plot cumulative energy by part and in total over time, without parts that stay below `MIN_WH`."""
     axis, minutes = axes_or_new(ax, 8.0, 4.4), (time_s - time_s[0]) / 60.0
     for name, energy in parts_wh.items():
-        if abs(energy).max() < MIN_WH:
-            continue
-        axis.plot(minutes, energy / 1000.0, lw=1, label=name)
+        if abs(energy).max() >= MIN_WH:
+            axis.plot(minutes, energy / 1000.0, lw=1, label=name)
     axis.plot(minutes, total_wh / 1000.0, color="black", label="total")
     axis.margins(x=0)
     axis.set(xlabel="time [min]", ylabel="energy at the battery terminals [kWh]", title=title)

@@ -91,10 +91,7 @@ def value_faults(samples: pd.DataFrame | Mapping[str, FloatArray], where: str) -
     >>> [fault.what for fault in value_faults(pd.DataFrame({"time_s": [1.0, 0.0], "speed_m_s": [0.0, np.nan]}), "drive.csv")]
     ['missing value', 'time does not increase']
     """
-    for name in map(str, samples):
-        if name not in COLUMNS:
-            continue
-        column = COLUMNS[name]
+    for name, column in ((name, COLUMNS[name]) for name in map(str, samples) if name in COLUMNS):
         values = np.asarray(samples[name], dtype=np.float64)
         place = f"{where}, column {name!r}, row "
         missing = np.flatnonzero(~np.isfinite(values)) if name in REQUIRED_COLUMNS else np.empty(0, np.int64)
