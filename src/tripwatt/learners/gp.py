@@ -236,9 +236,7 @@ class AdditiveGP:
             self.ranges_[name] = (float(known.min()), float(known.max())) if len(known) else (0.0, 0.0)
         self.points_, self.whiteners_ = {}, {}
         columns = _columns(X)
-        for i, term in enumerate(self.terms):
-            if term.kind != "smooth":
-                continue
+        for i, term in ((i, term) for i, term in enumerate(self.terms) if term.kind == "smooth"):
             held = {c: self._held(columns, c) for c in term.columns}
             z = np.unique(np.column_stack(self._standard(held, term)).round(3), axis=0)
             most = _INDUCING if len(term.columns) == 1 else 4 * _INDUCING

@@ -151,11 +151,10 @@ class FreeFlowTrips:
             return differences
         for row, k in enumerate(members):
             plan = self.plan(int(k), factors)
-            if plan is None:
-                continue
-            table = segment_table(plan, simulate_trip(self.vehicle, plan))
-            base = driven.take([int(k)])
-            differences[row] = energies(corrector, table)[0] / energies(corrector, base)[0] - 1.0
+            if plan is not None:
+                table = segment_table(plan, simulate_trip(self.vehicle, plan))
+                base = driven.take([int(k)])
+                differences[row] = energies(corrector, table)[0] / energies(corrector, base)[0] - 1.0
         return differences
 
     def uncertainty(self, differences: FloatArray) -> FreeFlowUncertainty | None:
