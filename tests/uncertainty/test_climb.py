@@ -3,9 +3,10 @@
 import numpy as np
 import pytest
 from scipy import stats
+from scipy.interpolate import interp1d
 
-from tripwatt.routes.terrain import net_climbs
-from tripwatt.uncertainty.climb import UnknownClimb
+from tripwatt.routes.terrain import KnownClimb, net_climbs
+from tripwatt.uncertainty.climb import ClimbingEnergy, Excess, UnknownClimb
 from tripwatt.uncertainty.conformal import ConformalScores
 
 
@@ -50,3 +51,41 @@ def test_the_core_of_normal_climbs_is_their_standard_deviation():
     normal = stats.norm.ppf((np.arange(n) + 0.5) / n)
     mixture = UnknownClimb(np.column_stack([40.0 * normal, 100.0 * normal[::-1]]), np.full(n, 1.0 / n))
     assert mixture.core_sd_wh == pytest.approx([40.0, 100.0], rel=0.01)
+
+
+KNOWN = KnownClimb(np.array([0.0, 6e3, 2e4]), np.array([0.0, 500.0, 100.0]), np.array([0.0, 80.0, 20.0]))
+
+
+@pytest.mark.parametrize("from_m", [0.0, 3000.0])
+@pytest.mark.parametrize("known", [None, KNOWN])
+def test_the_climb_ahead_costs_what_each_piece_of_road_costs_at_its_grade(known, from_m):
+    """Every energy grows with the distance: a rate that is linear between grades and beyond them."""
+    net, way = net_climbs("mountains").given(known), np.linspace(0.0, 2e4, 9)
+    grade, hill = np.array([-0.06, -0.02, 0.0, 0.03, 0.07]), np.array([0.0, 0.03, 0.06])
+    even, hills = np.array([-0.4, -0.15, 0.0, 0.3, 0.9]), np.array([0.0, 0.02, 0.09])
+    drive = ClimbingEnergy(grade, np.outer(even, way), hill, np.outer(hills, way), way, net)
+    rate, rate_of_hills = (
+        interp1d(x, y, fill_value="extrapolate") for x, y in ((grade, even), (hill, hills))
+    )
+    ahead = np.maximum(way - from_m, 0.0)
+    climb, length = net.net_m(ahead, from_m), np.maximum(ahead, 1e-9)
+    if known is None:
+        expected = rate(climb / length) * ahead
+    else:
+        pieces = np.diff(ahead, prepend=0.0)
+        steps = np.diff(climb, axis=1, prepend=0.0) / np.maximum(pieces, 1e-9)
+        expected = np.cumsum(rate(steps) * pieces, axis=1)
+    expected = np.where(ahead > 0.0, expected + rate_of_hills(net.local_grade())[:, None] * ahead, 0.0)
+    found = drive.ahead(from_m)
+    assert found.offsets_wh == pytest.approx(expected, rel=1e-9, abs=1e-6)
+    assert found.weights is net.weights
+    most = float(net.limit(ahead[-1]))
+    for climb_m in (0.1 * most, 0.6 * most):
+        energy_wh = float(drive.more_wh(climb_m, from_m))
+        assert energy_wh == pytest.approx(float(rate(climb_m / ahead[-1])) * ahead[-1])
+        assert drive.climb_for(energy_wh, from_m) == pytest.approx(climb_m, rel=0.01)
+    assert drive.climb_for(1.01 * float(drive.more_wh(most, from_m)), from_m) == np.inf
+    assert drive.climb_for(1.0, way[-1]) == np.inf
+    excess = Excess(ConformalScores.from_errors([0.5, 1.0, 2.0]), found, way)
+    assert excess.end.climb.offsets_wh.tolist() == found.offsets_wh[:, -1:].tolist()
+    assert excess.end.expected_wh.tolist() == excess.expected_wh[-1:].tolist()

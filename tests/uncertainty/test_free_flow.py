@@ -54,6 +54,9 @@ def test_the_held_out_trip_has_no_part_in_its_own_factors(fitted):
     assert changed.differences(corrector, table, others[:2]) != pytest.approx(
         found.differences(corrector, table, others[:2]), rel=1e-6
     )
+    uncut = FreeFlowTrips(found.trips, found.vehicle, (None, *found.links[1:]))
+    alone, among = (uncut.differences(corrector, table, np.array(k)) for k in ([1], [0, 1]))
+    assert among == pytest.approx([NAN, *alone], nan_ok=True)
     assert np.isnan(
         FreeFlowTrips(found.trips, found.vehicle, (None,) * 10).differences(corrector, table, own)
     ).all()

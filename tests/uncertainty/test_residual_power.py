@@ -35,6 +35,9 @@ def same(found, expected, hours) -> None:
     np.testing.assert_allclose(
         found.mean_w, expected.mean_w, rtol=1e-8, atol=1e-8 * np.abs(expected.mean_w).max()
     )
+    covariance_w2 = expected.covariance_w2
+    atol = 1e-8 * np.abs(covariance_w2).max()
+    np.testing.assert_allclose(found.covariance_w2, covariance_w2, rtol=1e-6, atol=atol)
     sd_wh = expected.sd_wh(hours)
     np.testing.assert_allclose(found.sd_wh(hours), sd_wh, rtol=1e-8, atol=1e-8 * sd_wh.max())
 

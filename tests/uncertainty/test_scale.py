@@ -27,6 +27,8 @@ def test_the_scale_of_a_total() -> None:
     assert TotalScale(values, least_share=0.06).sd_wh(two) == pytest.approx(expected, **EXACT)
     more = np.sqrt(100.0**2 + 300.0**2 + 160.0**2 + 70.0**2 / 2.0)
     assert TotalScale(values, least_share=0.1).sd_wh(two) == pytest.approx(more, **EXACT)
+    wider = TotalScale(values).with_share(0.06, 2.0)  # 12 % of the energy moved are 390 Wh with the 5 %
+    assert wider.values.tolist() == pytest.approx([100.0, 60.0, 0.13, 2.0])
     # 7200 s are 20 correlation times: 2 sd² T² (20 - 1 + exp(-20)) over sd²
     course = TimeCourse(0.0, ((300.0, 360.0),))
     assert course.hours(2.0) == pytest.approx(

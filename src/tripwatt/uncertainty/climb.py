@@ -80,11 +80,11 @@ class ClimbingEnergy:
             added_wh = np.cumsum(each_wh, axis=1)
         hills_wh = self._energy_from(self.hill_wh, from_m)
         added_wh += _interpolated(self.hill, hills_wh, self.net.local_grade()[:, None])
-        return UnknownClimb(np.where(distance > 0.0, added_wh, 0.0), self.net.weights)
+        return UnknownClimb(added_wh, self.net.weights)
 
     def _energy_from(self, energy_wh: FloatArray, from_m: float) -> FloatArray:
         start = [np.interp(from_m, self.distance_m, row) for row in energy_wh]
-        return np.asarray(energy_wh - np.array(start)[:, None])
+        return np.where(self.distance_m > from_m, energy_wh - np.array(start)[:, None], 0.0)
 
 
 def _interpolated(nodes: FloatArray, rows: FloatArray, at: FloatArray) -> FloatArray:
