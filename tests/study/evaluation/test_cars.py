@@ -8,8 +8,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from benchmarks.worlds import changed
+from tests.support.refusals import refusal
 
-from tripwatt.errors import InvalidInput
 from tripwatt.population.prior import population
 from tripwatt.study.evaluation import cars as protocol
 from tripwatt.study.evaluation.cars import CarTrips, evaluate_cars, evidence_of
@@ -103,12 +103,28 @@ def test_scores_in_time_are_those_of_forecasts_before_learning(run, cars) -> Non
     assert rows["observed_energy_wh"].iloc[-1] > 1.5 * before["observed_energy_wh"].iloc[-1]
 
 
-@pytest.mark.parametrize(
-    ("options", "words"), [({"trips": ()}, "trips"), ({"draws": 0}, "draws"), ({"trips": (-1,)}, "trips")]
-)
-def test_what_cannot_be_scored_is_refused(cars, options, words) -> None:
-    with pytest.raises(InvalidInput, match=words):
-        evaluate_cars(cars, **options)
+def test_what_cannot_be_scored_is_refused_with_every_fault(cars) -> None:
+    assert refusal(evaluate_cars, [], trips=(-1,), draws=0).splitlines() == [
+        "value out of range: trips: got [-1]; allowed: whole numbers of 0 or more",
+        "value out of range: draws: got 0; allowed: a whole number of 1 or more",
+        "value out of range: cars: got 0; allowed: at least 1",
+    ]
+    assert refusal(evaluate_cars, cars, trips=()).startswith("value out of range: trips: got []")
+    assert refusal(evaluate_cars, cars, draws=1.5).startswith("value out of range: draws: got 1.5")
+
+
+def test_a_file_of_cars_is_refused_with_every_fault(tmp_path) -> None:
+    file = tmp_path / "cars.toml"
+    file.write_text("")
+    table = f"no cars: {file}: got an empty file; allowed: a table [NAME] for each data set"
+    assert refusal(protocol.read_cars, file) == table
+    file.write_text('a = 3\n[b]\nlogs = "x"\nvehicles = "y"\ndataset = 5\n')
+    assert refusal(protocol.read_cars, file).splitlines() == [
+        f"not a table: {file}, [a]: got 3; allowed: a table with logs and vehicle",
+        f"missing entry: {file}, [b]: got nothing; allowed: vehicle = a text",
+        f"unknown key: {file}, [b]: got 'vehicles'; allowed: logs, vehicle, dataset, mapping; did you mean 'vehicle'?",
+        f"not a text: {file}, [b], dataset: got 5; allowed: dataset = a text",
+    ]
 
 
 def test_a_public_set_is_known_by_its_own_name(data_dir, tmp_path) -> None:

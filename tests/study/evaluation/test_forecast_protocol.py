@@ -2,13 +2,14 @@
 
 import dataclasses
 import json
+from functools import partial
 
 import numpy as np
 import pandas as pd
 import pytest
 from scipy.stats import norm
+from tests.support.refusals import refusal
 
-from tripwatt.errors import InvalidInput
 from tripwatt.forecasting import ForecastModel
 from tripwatt.learners.folds import leave_one_out
 from tripwatt.physics import simulate_trip
@@ -26,6 +27,7 @@ from tripwatt.study.evaluation.forecast_scores import (
 )
 from tripwatt.study.evaluation.held_out_forecasts import reforecast
 from tripwatt.study.evaluation.hold_outs import CarChoice, HoldOut, HoldOutChoice
+from tripwatt.study.evaluation.tasks import Method
 from tripwatt.study.synthetic import synthetic_fleet
 from tripwatt.trips import Plan, Trip
 from tripwatt.vehicles import load_vehicle
@@ -294,14 +296,41 @@ def test_fit_here_score_there(fleet):
     assert set(run.forecast["observed_energy_wh"].round(6)) == {
         round(float(t.observed_energy_wh), 6) for t in other.trips
     }
-    with pytest.raises(InvalidInput, match="protocol"):
-        evaluate(fleet, protocol="paper", models=("constant",), test_fleet=other)
 
 
-def test_too_few_trips_are_refused(fleet):
-    few = dataclasses.replace(fleet, logs=fleet.logs[:6])
-    with pytest.raises(InvalidInput, match="too few trips"):
-        evaluate(few, protocol="forecast", models=("constant",), execution=Execution(n_jobs=1))
+def test_what_cannot_be_evaluated_is_refused(fleet):
+    few, none = (dataclasses.replace(fleet, logs=fleet.logs[:n]) for n in (6, 0))
+    run = partial(refusal, evaluate, models=("constant",), execution=Execution(n_jobs=1))
+    allowed = "got 6 to train on, of 6; allowed: at least 8 to train on"
+    small = f"too few trips after the audit: {fleet.name}: "
+    assert run(few, protocol="forecast") == small + "got 5 to train on, of 6; allowed: at least 8 to train on"
+    assert run(few, protocol="forecast", test_fleet=fleet) == small + allowed
+    found = run(fleet, protocol="forecast", test_fleet=none)
+    assert found == f"no trip to score: --test {fleet.name}: got 0; allowed: at least 1 after the audit"
+    found = run(fleet, protocol="forecast", test_fleet=few, hold_outs="reference")
+    both = "option has no effect: hold_outs: got hold-outs with test trips; allowed: one of the two"
+    assert found == both
+    found = run(fleet, protocol="paper", test_fleet=few)
+    assert found == "option not available: --test: got protocol 'paper'; allowed: protocol 'forecast'"
+    few = dataclasses.replace(fleet, logs=fleet.logs[:2])
+    assert run(few, protocol="paper") == small + "got 2 of 2; allowed: at least 3 with measured energy"
+    found = run(few, protocol="papr")
+    assert found == "unknown protocol: protocol: got 'papr'; allowed: paper, forecast; did you mean 'paper'?"
+    with pytest.raises(NotImplementedError):
+        Method().fit(None, np.arange(3), 0)
+    with pytest.raises(NotImplementedError):
+        Method().fit_all_folds(None, np.arange(3), 0, inner_errors=False)
+    with pytest.raises(NotImplementedError):
+        Method().required_data(None, np.arange(3))
+
+
+def test_trips_of_another_fleet_are_its_reference_trips_where_it_names_any(fleet):
+    other = synthetic_fleet(n_trips=4, seed=8)
+    named = dataclasses.replace(other, reference={other.trips[k].trip_id: None for k in (0, 2)})
+    for test, name, count in ((other, "audited", 4), (named, "reference", 2)):
+        prepared = QUICK.prepare(fleet, test, CarChoice("bmw_i3_60ah"), HoldOutChoice())
+        (hold_out,) = prepared.hold_outs
+        assert (hold_out.trips, len(hold_out.scored)) == (name, count)
 
 
 def test_kinds_of_trips_are_scored_by_models_that_did_not_see_them(car):

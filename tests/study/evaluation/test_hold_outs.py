@@ -5,11 +5,13 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from sklearn.model_selection import KFold
+from tests.support.refusals import refusal
 
 from tripwatt.learners.folds import Split, leave_one_out
 from tripwatt.study.evaluation.hold_outs import (
     LEAVE_ONE_TRIP_OUT,
     HoldOut,
+    HoldOutChoice,
     number_days,
     random_draws,
     split_trips,
@@ -83,3 +85,21 @@ def test_days_need_a_date_of_each_trip_and_three_of_them() -> None:
     assert number_days(trips("b", "a", "c", "a")).tolist() == [1, 0, 2, 0]
     assert number_days(trips("b", "a", "b")) is None
     assert number_days(trips("b", "a", None, "c")) is None
+
+
+def test_hold_outs_are_chosen_by_name_in_the_order_of_the_choice() -> None:
+    available = [("leave_one_trip_out", "reference"), ("leave_one_trip_out", "all"), ("days", "all")]
+    take = HoldOutChoice.from_argument
+    assert take(None).select(available) == available
+    assert take("all").select(available) == available[1:]
+    assert take(["days", "leave_one_trip_out:all", "all"]).select(available) == [*available[:0:-1]]
+    folds = KFold(3)
+    assert take([folds, "days"]).select(available) == [("KFold", folds), available[2]]
+    allowed = "leave_one_trip_out, days, leave_one_trip_out:reference, leave_one_trip_out:all, days:all"
+    assert refusal(take(["day", "week"]).select, available).splitlines() == [
+        f"unknown hold-out: hold_outs: got 'day'; allowed: {allowed}; did you mean 'days'?",
+        f"unknown hold-out: hold_outs: got 'week'; allowed: {allowed}",
+    ]
+    kinds = "names of hold-outs, or splitters of scikit-learn's kind (objects, not classes)"
+    for wrong, got in (([], "an empty list"), (7, "7"), (KFold, f"{KFold!r}")):
+        assert refusal(take, wrong) == f"unknown hold-out: hold_outs: got {got}; allowed: {kinds}"

@@ -7,7 +7,6 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from tripwatt.errors import InvalidInput
 from tripwatt.hybrid.trip_table import build_table
 from tripwatt.learners.folds import leave_one_out
 from tripwatt.study.evaluation import Execution, choose_models, evaluate, find_protocol, write_results
@@ -167,15 +166,6 @@ def test_the_number_of_processes_changes_nothing(fleet):
     one = evaluate(few, models=("linear6", "physics4"), seed=5, execution=Execution(n_jobs=1))
     two = evaluate(few, models=("linear6", "physics4"), seed=5, execution=Execution(n_jobs=2))
     pd.testing.assert_frame_equal(one.folds, two.folds)
-
-
-def test_too_few_trips_are_refused(fleet):
-    with pytest.raises(InvalidInput, match="too few trips"):
-        evaluate(
-            dataclasses.replace(fleet, logs=fleet.logs[:2]),
-            models=("constant",),
-            execution=Execution(n_jobs=1),
-        )
 
 
 def test_the_times_of_a_fold_are_of_its_fit_and_of_one_predicted_trip(coarse, monkeypatch):
