@@ -66,6 +66,16 @@ class TestArguments:
         assert self.faults(climate_power_w=1e5 + 1.0)[0].startswith(
             "value out of range: climate_power_w: got 100001"
         )
+        assert self.faults(time=[0.0]) == [
+            "wrong shape: time_s: got (1,); allowed: one dimension, at least 2 samples",
+            "wrong shape: speed_m_s: got (3,); allowed: that of time_s, (1,)",
+        ]
+        assert self.faults(time=[0.0, 2.0, 1.5], speed=[1.0, np.nan, 1.0]) == [
+            "time does not increase: time_s, sample 2: got 1.5 s after 2 s; allowed: increasing times",
+            "missing value: speed_m_s, sample 1: got nan; allowed: finite numbers",
+        ]
+        with pytest.raises(InvalidInput, match="ambient_temperature_degc"):
+            simulate(car(), [0.0, 1.0], [1.0, 1.0], conditions=DriveConditions(200.0))
         edge = simulate(
             car(), [0.0, 1.0], [0.0, 90.0], grade=[-0.6, 0.6], climate_power_w=[0.0, 1e5], conditions=OFF
         )

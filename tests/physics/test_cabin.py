@@ -10,11 +10,14 @@ from hypothesis import strategies as st
 
 from tripwatt.physics.cabin import (
     HEAT_PUMP_RATING_DEGC,
+    MIN_SIDE_BY_SIDE,
     UNKNOWN_SUN_W_M2,
     WINTER_SUN,
     CabinStart,
     CabinTask,
     condition_cabins,
+    control_steps,
+    control_values,
     heat_pump_cop,
     heat_pump_heat,
     irradiance,
@@ -317,3 +320,17 @@ def test_sun_of_a_report(report, expected):
     winter = expected if report is None else expected * WINTER_SUN
     assert irradiance(report, "winter") == pytest.approx(winter)
     assert irradiance(report, "summer") == pytest.approx(expected)
+
+
+def test_cabins_side_by_side_are_those_of_each_alone():
+    """Drives of 5 to 36 control steps from arctic cold to heat; the arrays of the short ones are padded on the way."""
+    number = np.arange(MIN_SIDE_BY_SIDE)
+    controls = [
+        control_values(ROOM, 2.0 * k - 25.0, CabinStart(10.0, 21.0, 300.0, 0.0, "auto")) for k in number
+    ]
+    speeds = [np.linspace(0.0, 30.0, 36 - k) for k in number]
+    together = control_steps(controls, speeds)
+    for own, control, speed in zip(together, controls, speeds, strict=True):
+        (alone,) = control_steps([control], [speed])
+        for found, expected in zip(own, alone, strict=True):
+            assert found == pytest.approx(np.asarray(expected), rel=1e-9, abs=1e-9)

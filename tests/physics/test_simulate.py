@@ -242,3 +242,12 @@ class TestFlags:
         assert 2.0 in self.codes(pulls).values()
         assert pulls.power_by_cause_w["shortfall"][1] < 0.0
         assert sum(pulls.power_by_cause_w.values()) == pytest.approx(pulls.battery_power_w, rel=1e-9)
+
+
+def test_a_plot_has_the_name_of_the_simulation_and_a_battery_that_does_not_settle_has_its_flag(monkeypatch):
+    run = simulate(car(), np.arange(60.0), np.full(60, 10.0), conditions=OFF)
+    assert run.plot().axes[0].get_title() == "Simulation 59 s, 0.05 kWh, 60 samples"
+    assert "battery_not_settled" not in {flag.code for flag in run.flags}
+    monkeypatch.setattr("tripwatt.physics.battery.MAX_PASSES", 1)
+    run = simulate(load_vehicle("bmw_i3_60ah"), np.arange(60.0), np.linspace(0.0, 30.0, 60), conditions=OFF)
+    assert "battery_not_settled" in {flag.code for flag in run.flags}

@@ -5,6 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from tests.routes.made import NO
+from tests.support.refusals import refusal
 
 from tripwatt.errors import InvalidInput
 from tripwatt.routes.driver import (
@@ -130,8 +131,11 @@ def test_dwell_has_the_style_s_mean_and_the_given_frequency():
 
 
 def test_all_faults_of_a_style_at_once():
-    with pytest.raises(InvalidInput, match=r"deceleration_m_s2[\s\S]*speed_share"):
-        DriverStyle(deceleration_m_s2=-1.0, speed_share=1.2)
+    assert refusal(DriverStyle, deceleration_m_s2=-1.0, fluctuation=NO, speed_share=1.2).splitlines() == [
+        "driver style out of range: deceleration_m_s2: got -1.0; allowed: more than 0",
+        "driver style out of range: fluctuation: got nan; allowed: 0 or more",
+        "driver style out of range: speed_share: got 1.2; allowed: at most 1",
+    ]
 
 
 EXACT = {"rtol": 1e-12, "atol": 1e-12}
@@ -182,3 +186,5 @@ def test_the_last_sample_is_the_first_after_the_arrival():
     assert found.speed_m_s.tolist() == [0.0, 3.0, 2.0, 0.0]
     exact = profile_over_time(at, speed, np.array([2.0, 2.0]), np.zeros(3), ends, 0.1)
     assert len(exact.time_s) == 41
+    rounded = profile_over_time(at, speed, np.array([2.0, 2.0 + 5e-10]), np.zeros(3), ends, 1.0)
+    assert (rounded.time_s[-1], rounded.position_m[-1], rounded.speed_m_s[-1]) == (4.0, 8.0, 0.0)

@@ -100,6 +100,7 @@ def test_coordinates_of_no_place_are_refused():
 def test_places_of_one_name_that_lie_together_are_one() -> None:
     village, office, far = (Place(47.1 + d, 9.5, "Vaduz", "village") for d in (0.0, 0.01, 1.0))
     assert without_twins([village, office, far]) == (village, far)
+    assert without_twins(iter([village, office, far, far]), limit=1) == (village,)
 
 
 @pytest.mark.parametrize(

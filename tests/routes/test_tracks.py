@@ -8,6 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from tests.routes.made import M_PER_DEGREE, NO, SPEED, drive, gpx
+from tests.support.refusals import refusal
 
 from tripwatt.errors import InvalidInput
 from tripwatt.routes import Track, parse_route
@@ -311,3 +312,18 @@ def test_a_time_is_of_a_year_in_which_a_car_is_driven(year, is_right):
         InvalidInput, match=f"invalid time: x: got year {year}; allowed: {EARLIEST_YEAR} to {LATEST_YEAR}"
     ):
         _parse_time(text, "x")
+
+
+@pytest.mark.parametrize(("gap_s", "is_refused"), [(30.0, False), (200.0, True)])
+def test_a_track_is_refused_if_most_of_its_way_is_in_gaps(gap_s, is_refused):
+    """A minute at 10 m/s, a gap at 10 m/s, another minute."""
+    seconds = np.concatenate((np.arange(61.0), 60.0 + gap_s + np.arange(61.0)))
+    points = np.stack((48.0 + 10.0 * seconds / M_PER_DEGREE, np.full(122, 11.0)))
+    track = Track(*points, np.full(122, np.nan), seconds, np.full(121, np.nan))
+    if is_refused:
+        assert refusal(track.driven_plan) == (
+            "gaps in the track: track: got 63% of the way in gaps of up to 200 s; "
+            "allowed: at most 25% in gaps over 10 s; give the whole track"
+        )
+    else:
+        assert track.driven_plan().flags[-1] == Flag("gap_bridged", "speed_m_s", gap_s, "s")

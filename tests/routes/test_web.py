@@ -11,9 +11,9 @@ import httpx
 import pytest
 from tests.support.roads import client
 
-from tripwatt.errors import InvalidInput, RemoteError
+from tripwatt.errors import Fault, InvalidInput, RemoteError
 from tripwatt.routes import web
-from tripwatt.routes.web import WebClient, require_url
+from tripwatt.routes.web import WebClient, as_remote, require_object, require_url
 
 
 @pytest.mark.parametrize(
@@ -123,6 +123,16 @@ def test_without_a_key_none_is_sent(monkeypatch):
 def test_what_is_no_json_is_refused(text):
     with pytest.raises(RemoteError, match=r"gives no JSON: router.test: got status 200"):
         client(lambda r: httpx.Response(200, text=text)).get_json("/x")
+
+
+def test_a_fault_in_an_answer_is_the_servers():
+    assert require_object({"a": 1}, "route")["a"].value == 1
+    with pytest.raises(RemoteError, match=r"^not an object: route: got \[1\]; allowed: a JSON object$"):
+        require_object([1], "route")
+    for error in (RemoteError([Fault("a", "b")]), InvalidInput.of("a", "b")):
+        with pytest.raises(RemoteError, match=r"^a: b$") as found, as_remote():
+            raise error
+        assert (found.value is error) == isinstance(error, RemoteError)
 
 
 def test_answers_are_bounded_also_when_they_are_compressed(monkeypatch):
