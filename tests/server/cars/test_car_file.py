@@ -151,3 +151,11 @@ def test_a_file_that_a_killed_process_began_is_made_again(tmp_path: Path) -> Non
     file.prepare(lambda db: db.put_settings({"state": "x"}))
     file.prepare(killed)  # not again
     assert file.setting("state") == "x"
+
+
+def test_nothing_is_written_for_a_car_that_was_erased(file: CarFile) -> None:
+    file.keep_open()
+    file.path.unlink()
+    with pytest.raises(OSError, match="cannot write the car: the car was erased"), file.write() as db:
+        db.put_messages(SAMPLES)
+    file.close()

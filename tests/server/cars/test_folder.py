@@ -9,9 +9,11 @@ from pathlib import Path
 import pytest
 from tests.server.cars.messages import NOON_S, abrp_messages, measured
 from tests.support.drives import example_trip
+from tests.support.refusals import refusal
 
 from tripwatt.errors import InvalidInput
 from tripwatt.server.cars.car import Car
+from tripwatt.server.cars.car_file import CarFile
 from tripwatt.server.cars.folder import create_car, digest_of, forget_car, is_car, issue_token, setting_of
 from tripwatt.server.cars.live_trip import SILENCE_S
 from tripwatt.server.cars.telemetry import sample_from_abrp
@@ -142,6 +144,13 @@ def test_a_folder_that_cannot_be_made_is_refused(folder: Path) -> None:
     folder.write_text("")
     with pytest.raises(InvalidInput, match="cannot write the folder"):
         Car.follow(folder)
+
+
+def test_a_car_that_another_run_has_made_meanwhile_is_in_use(folder: Path, monkeypatch) -> None:
+    monkeypatch.setattr(CarFile, "prepare", lambda *_: False)
+    allowed = "a new or empty folder, or that of a car on the road"
+    found = refusal(create_car, folder, "nissan_leaf_24")
+    assert found == f"folder in use: {folder}: got not empty; allowed: {allowed}"
 
 
 def test_a_car_that_is_followed_is_not_forgotten_beside_its_service(folder: Path) -> None:

@@ -380,9 +380,12 @@ def test_a_charge_of_before_the_last_trip_does_not_hold(folder: Path) -> None:
 
 
 def test_a_charge_of_the_battery_management_is_shown_as_the_display_shows_it(folder: Path) -> None:
-    with Car.follow(folder, lambda _: MODEL) as car:
-        car.set_plan({"links": LINKS})
+    asked: list[object] = []
+    with Car.follow(folder, lambda request: asked.append(request) or MODEL) as car:
         fed(car, [Sample(NOON_S + k, {"speed_m_s": 0.0, "soc": 0.6}) for k in range(5)])
+        before, request = car.shown_soc(), {"links": LINKS}
+        car.set_plan(request)
+        assert (car.shown_soc(), asked[0], asked[-1]) == (before, {}, request)
         found = car.document(NOW_S)
         assert found["soc_source"] == "bms_soc"
         departing = car.at_departure()

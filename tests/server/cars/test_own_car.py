@@ -293,6 +293,20 @@ def test_a_trip_without_measured_energy_is_kept_and_told(
     assert car.diary.trip_ids == {logs[0].trip_id}
     assert car.add([silent]).left_out == done.left_out
     assert car.add([logs[0]]).left_out == ()
+    # a trip that cannot be forecast costs no later one
+    wrong = InvalidInput.of("no such road", "plan")
+    forecast = tw.ForecastModel.forecast
+
+    def refuse(model: tw.ForecastModel, trip: Log, *more: object) -> tw.Forecast:
+        if trip.trip_id == logs[2].trip_id:
+            raise wrong
+        return forecast(model, trip, *more)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(tw.ForecastModel, "forecast", refuse)
+        other = create_car(tmp_path / "other", "nissan_leaf_24", base=base)
+        assert other.add([logs[2], logs[3]]).left_out == (f"{logs[2].trip_id}: {wrong}",)
+        assert other.diary.trip_ids == {logs[3].trip_id}
     # the reason is kept with the car, and is shown
     why = reason.partition(": ")[2]
     assert open_car(car.folder).left_out == car.about()["left_out"] == {logs[1].trip_id: why}

@@ -11,13 +11,17 @@ from tests.server.cars.driving import LINKS, MODEL, NOW_S, ended, fed
 from tests.server.cars.messages import NOON_S, samples_of
 from tests.support.drives import example_trip
 from tests.support.plans import request_of_samples
+from tests.support.refusals import refusal
 
 from tripwatt.errors import Fault, InvalidInput
 from tripwatt.server.cars.car import Car
+from tripwatt.server.cars.car_file import row_of_log
+from tripwatt.server.cars.folder import create_car
 from tripwatt.server.cars.live_trip import SILENCE_S, STANDING_S
-from tripwatt.server.cars.plan import NEAR_S, LivePlan, usual_departure
+from tripwatt.server.cars.plan import NEAR_S, LivePlan, usual_departure, usual_plan
 from tripwatt.server.cars.telemetry import Sample
-from tripwatt.trips import Log
+from tripwatt.study.synthetic import synthetic_fleet
+from tripwatt.trips import Departure, Log, Plan
 
 
 def test_a_plan_stays_until_its_trip_has_ended(drive: pd.DataFrame, folder: Path) -> None:
@@ -123,3 +127,15 @@ def test_the_nearest_departure_by_time_of_day(
 
 def test_the_bound_is_an_hour_and_a_half() -> None:
     assert NEAR_S == 5400.0
+
+
+def test_a_trip_is_driven_again_by_its_name(tmp_path: Path) -> None:
+    car = create_car(tmp_path / "leaf", "nissan_leaf_24")
+    log = synthetic_fleet(1, seed=5).logs[0]
+    with car.file.write() as db:
+        db.put_logs([row_of_log(log)])
+    plan = usual_plan(car, log.trip_id)
+    assert (plan.trip_id, plan.departure) == (log.trip_id, Departure())
+    assert plan.array("speed_m_s").tolist() == Plan.from_trip(log).array("speed_m_s").tolist()
+    found = refusal(usual_plan, car, "nothing")
+    assert found == "no such trip: trip: got nothing; allowed: a sound trip of the car leaf"

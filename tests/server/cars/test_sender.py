@@ -317,3 +317,13 @@ def test_swaps_within_the_window_lose_nothing(times: list[int]) -> None:
     out, arrivals, ordered = fed([float(t) for t in times])
     assert set(arrivals) == {"new"}
     assert out + [s.time_s - T0 for s in ordered.release()] == [float(t) for t in range(25)]
+
+
+def test_a_stray_stamp_is_let_go_for_the_next_that_does_not_follow_it(folder: Path) -> None:
+    with Car.follow(folder) as car:
+        driven(car, range(100))
+        strays = [
+            driven(car, range(k, k + 1), ahead_s) for k, ahead_s in ((100, 2e5), (101, 4e5), (102, 6e5))
+        ]
+        assert strays == [["held"]] * 3
+        assert (car.shown(NOON_S)["held"], car.counts["late"] + car.counts["new"]) == (1, 102)

@@ -57,6 +57,8 @@ def test_every_field_has_the_unit_of_the_schema() -> None:
 
 def test_the_power_counts_before_the_current_and_needs_no_voltage() -> None:
     alone = sample_from_abrp({"utc": UTC, "speed": 0, "power": 7.4}).values
+    no_current = sample_from_abrp({"utc": UTC, "power": 900, "voltage": 100}).values
+    assert dict(no_current) == {"voltage_v": 100.0}, "9,000 A are no current of a car"
     assert alone["voltage_v"] * alone["current_a"] == pytest.approx(7400.0, rel=1e-12)
     assert alone["voltage_v"] == 370.0
     pair = sample_from_abrp({"utc": UTC, "speed": 0, "voltage": 350, "current": 10}).values
