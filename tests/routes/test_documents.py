@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from tests.routes.made import NO, TO_ROUNDING, faults_of
+from tests.support.refusals import refusal
 
 from tripwatt.errors import InvalidInput
 from tripwatt.routes import documents, points
@@ -42,6 +43,11 @@ def test_positions_of_geojson():
     for wrong in ([[11.0, 48.0]], [[11.0], [12.0, 49.0]]):
         with pytest.raises(InvalidInput, match="at least 2"):
             Node(wrong, "t").coordinates()
+    assert refusal(Node(5, "t").coordinates).startswith("not a list: t: got 5")
+    for k, (wrong, name) in enumerate((([0, 91], "latitude"), ([181, 0], "longitude"))):
+        places = [[0, 0], [0, 0]]
+        places[k] = wrong
+        assert name in refusal(Node(places, "t").coordinates)
     for wrong, where in (([[1, 2], [1, "x"]], "t[1][1]"), ([[1, 2], [1, 2, "x"]], "t[1][2]")):
         assert faults_of(Node(wrong, "t").coordinates)[0].where == where
 
@@ -49,7 +55,8 @@ def test_positions_of_geojson():
 def test_the_most_positions(monkeypatch):
     monkeypatch.setattr(points, "MAX_POINTS", 2)
     assert len(Node([[1, 2]] * 2, "t").coordinates()) == 2
-    assert faults_of(Node([[1, 2]] * 3, "t").coordinates)[0].what == "too many points"
+    found = refusal(Node([[1, 2], [1, 2], "none"], "t").coordinates)
+    assert found == "too many points: t: got 3; allowed: at most 2"
     assert points.require_on_earth(np.zeros(2), np.zeros(2), "t") is None
     assert faults_of(points.require_on_earth, np.zeros(3), np.zeros(3), "t")[0].got == "3"
 

@@ -3,10 +3,12 @@
 import math
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from tripwatt.errors import InvalidInput
-from tripwatt.routes.places import Place, bearings_deg, read_coordinates, without_twins
+from tripwatt.routes.places import Place, bearings_deg, driven_m, read_coordinates, without_twins
+from tripwatt.trips import Plan
 
 DEGREE_M = 6_371_008.8 * math.pi / 180.0
 
@@ -114,3 +116,10 @@ def test_places_of_one_name_that_lie_together_are_one() -> None:
 )
 def test_a_place_is_described_by_what_is_known_of_it(kind, other, described):
     assert Place(59.91, 10.75, "Oslo", kind, other).described == described
+
+
+def test_the_distance_of_a_plan_is_that_of_its_line_and_a_standing_car_has_none():
+    plan = Plan.from_samples(pd.DataFrame({"time_s": [0.0, 1.0, 3.0], "speed_m_s": [5.0, 10.0, 20.0]}))
+    assert driven_m(plan, 100.0)[[0, -1]].tolist() == [0.0, 100.0]
+    standing = Plan.from_samples(pd.DataFrame({"time_s": [0.0, 1.0, 3.0], "speed_m_s": [0.0, 0.0, 0.0]}))
+    assert set(driven_m(standing, 100.0)) == {0.0}

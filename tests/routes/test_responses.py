@@ -9,6 +9,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from tests.routes.made import NO, SPEED, TO_ROUNDING, drive, encode_polyline, faults_of, gpx
+from tests.support.refusals import refusal
 
 from tripwatt.errors import InvalidInput
 from tripwatt.routes import LinkRoute, Track, parse_route
@@ -63,6 +64,26 @@ def test_heights_of_responses():
         [0, 400, 1500]
     ).tolist() == pytest.approx([500, 508, 508], abs=0.1)
     assert parse_route(RESPONSES / "osrm.json").flags == (Flag("no_elevation", "road"),)
+
+
+def test_one_height_is_that_of_the_whole_line_wherever_it_is():
+    line = np.array([[0.0, 0.0, NO], [0.0, 1.0, NO], [0.0, 1.5, NO]])
+    assert heights_along(line) is None
+    for k in range(3):
+        points = line.copy()
+        points[k, 2] = 7.0
+        position, height = heights_along(points)
+        assert position.tolist() == [0.0, *np.cumsum(haversine_m(line[:, 0], line[:, 1])).tolist()]
+        assert height.tolist() == [7.0] * 3
+    assert heights_along(np.array([[0.0, 0.0, 7.0], [0.0, 0.0, 8.0]])) is None
+
+
+def test_a_leg_of_osrm_has_its_duration():
+    response = json.loads((RESPONSES / "osrm.json").read_text())
+    for wrong in (None, -1.0, "60"):
+        leg = response["routes"][0]["legs"][0]
+        leg["duration"] = wrong
+        assert "legs[0], duration: got" in refusal(route_from_osrm, response)
 
 
 def test_encoded_responses_with_heights():

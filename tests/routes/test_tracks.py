@@ -256,6 +256,8 @@ def test_a_pause_between_points_takes_no_energy_and_keeps_the_way(pause_s):
     paused = drive_of(np.where(np.arange(201) > 100, seconds + pause_s, seconds)).driven_plan()
     assert paused.distance_m == pytest.approx(straight.distance_m, rel=1e-3)
     assert paused.duration_s == pytest.approx(straight.duration_s, rel=1e-2)
+    (pause,) = paused.pauses
+    assert pause.position_m == pytest.approx(10_000.0, rel=1e-3)
     assert paused.elapsed_s == pytest.approx(straight.elapsed_s + pause_s)
     assert [flag.code for flag in paused.flags][-1] == "pause"
 
