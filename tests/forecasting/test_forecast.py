@@ -9,6 +9,7 @@ import pandas as pd
 import pytest
 from scipy.stats import t as student
 from tests.support.dense_process import DensePower, component_covariance, covariance
+from tests.support.refusals import refusal
 
 import tripwatt as tw
 from tripwatt.errors import InvalidInput
@@ -124,8 +125,30 @@ def test_unusable_samples_are_refused(model, trip):
     forecast = model.forecast(trip)
     with pytest.raises(InvalidInput, match="no measured energy"):
         forecast.update(trip.samples[["time_s", "speed_m_s"]])
-    with pytest.raises(InvalidInput, match="soc"):
-        forecast.update(trip.samples[["time_s", "speed_m_s"]].assign(soc=3.0))
+    found = refusal(forecast.update, trip.samples[["time_s", "speed_m_s"]].assign(soc=3.0))
+    assert found.startswith("value out of range: observed samples, ")
+    assert refusal(forecast.sample, 0) == "value out of range: n: got 0; allowed: 1 or more"
+    on_the_way = forecast.update(
+        trip.samples[trip.samples["time_s"] <= trip.samples["time_s"].iloc[0] + 90.0]
+    )
+    of_another = dataclasses.replace(
+        forecast, drive=dataclasses.replace(forecast.drive, vehicle=load_vehicle("vw_id3"))
+    )
+    common = "forecasts without a common part: forecasts: got {}; allowed: two forecasts of one car by one model before departure"
+    for one, other, got in (
+        (forecast, of_another, "of two cars"),
+        (forecast, on_the_way, "one that was updated on the way"),
+        (on_the_way, forecast, "one that was updated on the way"),
+    ):
+        assert refusal(one.difference, other) == common.format(got)
+    known = Departure(covariates={"traffic": 1.0})
+    assert refusal(model.forecast, trip, known).startswith("unknown covariate: departure: got 'traffic'")
+    assert refusal(model.forecast, "road").startswith(
+        "unknown type: trip: got str; allowed: a Plan or a Trip"
+    )
+    raw = ForecastModel(load_vehicle("bmw_i3_60ah"))
+    fit = "got no training trips; call fit first"
+    assert refusal(raw.forecast, trip) == f"model is not fitted: forecast: {fit}"
     with pytest.raises(InvalidInput, match="too few trips"):
         ForecastModel(load_vehicle("bmw_i3_60ah")).fit(synthetic_fleet(n_trips=3).trips)
 

@@ -13,7 +13,8 @@ from hypothesis import strategies as st
 
 import tripwatt as tw
 from tripwatt.errors import InvalidInput
-from tripwatt.forecasting.plausible import battery_wh, impossible_faults
+from tripwatt.forecasting.plausible import absurd_energy, battery_wh, impossible_faults
+from tripwatt.study.synthetic import synthetic_fleet
 from tripwatt.trips import Plan
 from tripwatt.units import GRAVITY_M_S2
 
@@ -262,3 +263,19 @@ def test_a_charge_that_the_energy_contradicts_is_flagged_and_left_out(shown):
         now = forecast.update_since_departure(pd.DataFrame(columns | {"displayed_soc": charge}))
         assert [flag.code for flag in now.flags if flag.code == "charge_contradicted"] == code
         assert now.soc_arrival == pytest.approx(by_energy.soc_arrival, abs=0.02)
+
+
+@pytest.mark.parametrize(("times", "is_plausible"), [(0.3, False), (0.5, True), (2.0, True), (3.0, False)])
+def test_the_energy_of_most_trips_is_one_that_the_car_can_take(times, is_plausible) -> None:
+    car = tw.load_vehicle("bmw_i3_60ah")
+    trips = synthetic_fleet(5, seed=3).trips
+    simulated = [tw.simulate(trip, car).simulated_energy_wh for trip in trips]
+    measured = [
+        dataclasses.replace(t, observed_energy_wh=times * wh) for t, wh in zip(trips, simulated, strict=True)
+    ]
+    measured[0] = dataclasses.replace(trips[0], observed_energy_wh=simulated[0])  # one trip decides nothing
+    faults = list(absurd_energy(car, measured, "drives"))
+    assert [str(fault).partition(";")[0] for fault in faults] == (
+        [] if is_plausible else [f"implausible energy: drives: got {times:g} times the energy of {car.title}"]
+    )
+    assert list(absurd_energy(car, [], "drives")) == []

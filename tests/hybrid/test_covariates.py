@@ -6,6 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from sklearn.linear_model import Ridge
+from tests.support.refusals import refusal
 
 import tripwatt as tw
 from tripwatt.forecasting.inner import inner_fits
@@ -140,6 +141,10 @@ def test_names_that_are_wrong_are_told(trips, model):
         tw.InvalidInput, match=r"unknown covariate: covariates: got 'trafic'.* did you mean 'traffic'"
     ):
         tw.fit(trips, CAR, corrector="linear", covariates=["trafic"])
+    taken = segment_trips(trips[:3], CAR)
+    taken.covariates["air_w"] = 1.0
+    found = refusal(CovariateCorrector(power_corrector("linear"), ("air_w",)).fit, taken)
+    assert found == "name is taken: covariates: got air_w; allowed: another name of the column"
     with pytest.raises(tw.InvalidInput, match="unknown covariate: departure: got 'trafic'"):
         model.forecast(trips[0], tw.Departure(covariates={"trafic": 1.0}))
     with pytest.raises(tw.InvalidInput, match="covariates: got the text 'traffic'; allowed: a list of names"):

@@ -10,6 +10,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from tests.hybrid.tables import EXACT, NO, table
+from tests.support.refusals import refusal
 
 from tripwatt.errors import InvalidInput
 from tripwatt.hybrid import SegmentTable
@@ -313,6 +314,9 @@ def test_a_correction_by_factors_is_not_fitted() -> None:
         with pytest.raises(InvalidInput, match="corrector cannot be fitted") as caught:
             fitting()
         assert caught.value.faults[0].fix == "adapt the base again"
+    older = refusal(FactorCorrector, 1500.0, np.zeros(4), np.zeros((4, 4)), None, 0.0)
+    allowed = f"got 3 factors; allowed: {len(NAMES)} factors; adapt the base again"
+    assert older == f"model of an older version: model.json, corrector: {allowed}"
 
 
 def test_the_usual_error_stays_at_a_share_of_a_long_trip_and_never_vanishes() -> None:

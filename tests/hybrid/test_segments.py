@@ -1,15 +1,18 @@
 """Tables of segments, and trips cut into them, against arithmetic that is written out here."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
 import pytest
 from tests.hybrid.tables import CAUSES_W, EXACT, NO, table
+from tests.support.refusals import refusal
 
 from tripwatt.errors import InvalidInput
 from tripwatt.hybrid import SegmentTable
-from tripwatt.hybrid.segments import LINE_CAUSES, segment_table
+from tripwatt.hybrid.segments import LINE_CAUSES, segment_table, segment_trips
+from tripwatt.study.synthetic import synthetic_fleet
 from tripwatt.trips import TEMPERATURES, Departure, Plan
 
 
@@ -183,3 +186,14 @@ class TestSegments:
         assert bare.observed_w is None
         assert bare.observed_climate_w is None
         assert bare.charge == pytest.approx(np.array([[NO, NO, 0.7, 0.65]]), nan_ok=True)
+
+
+def test_trips_to_learn_have_measured_energy():
+    assert (
+        refusal(segment_trips, [], None)
+        == "no trips: training: got 0; allowed: at least 1 with measured energy"
+    )
+    bare = [replace(trip, observed_energy_wh=None) for trip in synthetic_fleet(2).trips]
+    allowed = "allowed: voltage and current, or a column observed_energy_wh"
+    expected = [f"no measured energy: {trip.trip_id}: {allowed}" for trip in bare]
+    assert refusal(segment_trips, bare, None).splitlines() == expected

@@ -1,11 +1,13 @@
 """Trips as one flat table, against arithmetic that is written out here."""
 
+from dataclasses import replace
+
 import numpy as np
 import pandas as pd
 import pytest
 from tests.hybrid.tables import EXACT
+from tests.support.refusals import refusal
 
-from tripwatt.errors import InvalidInput
 from tripwatt.hybrid.trip_table import TripTable, build_table
 from tripwatt.trips import Context, Trip
 from tripwatt.vehicles import load_vehicle
@@ -32,8 +34,14 @@ class TestTripTable:
         assert little.observed_energy_wh == pytest.approx(0.1)
         cars = {"x": load_vehicle("bmw_i3_60ah")}
         assert build_table([little], cars).trip_ids == ("a",)
-        with pytest.raises(InvalidInput, match=r"no measured energy: a: got 0\.0 Wh"):
-            build_table([self.trip(current_a=0.0)], cars)
+        allowed = "allowed: voltage and current, energy above 0 Wh"
+        assert refusal(
+            build_table, [self.trip(current_a=0.0), replace(self.trip("b"), observed_energy_wh=None)], cars
+        ).splitlines() == [
+            f"no measured energy: a: got 0.0 Wh; {allowed}",
+            f"no measured energy: b: got None Wh; {allowed}",
+        ]
+        assert refusal(build_table, [], cars) == "no trips: trips: got 0; allowed: at least one"
 
     def test_running_sums(self) -> None:
         """Of the bin means of 1 s that the table holds; 20 °C is comfortable."""
