@@ -21,6 +21,7 @@ from tripwatt.roads.journey.corridor import Corridor, Leg
 from tripwatt.roads.journey.solver import StopPlan
 from tripwatt.roads.journey.stops import variance_along
 from tripwatt.roads.maps import KnownHeights, Plug, Station
+from tripwatt.trips.showing import period
 
 WRONG_PLAN = {
     "soc_interval": [0.2, 0.3],
@@ -83,6 +84,8 @@ def test_a_slower_station_takes_longer_and_the_better_one_is_taken(model):
     assert [stop.station.name for stop in found.stops] == ["Halbweg"]
     assert found.stops[0].if_full.station.name == "Langsam"
     assert found.stops[0].if_full.more_s > 0.0
+    words = f" If it is occupied: Langsam, {period(found.stops[0].if_full.more_s)} more."
+    assert words in found.stops[0].in_words()
     alone = journey(model, LOW, atlas=replace(MADE, stations=(slow,))).charging
     assert alone.charging_s > found.charging_s + 200.0
     assert journey(model, LOW, atlas=replace(MADE, stations=(off,))).charging is None

@@ -41,7 +41,10 @@ def cars() -> list[CarTrips]:
 
 @pytest.fixture(scope="module")
 def run(cars):
-    return evaluate_cars(cars, trips=(0, 1, 5), draws=4, own_model=False)
+    done = []
+    found = evaluate_cars(cars, trips=(0, 1, 5), draws=4, own_model=False, progress=lambda *n: done.append(n))
+    assert done == [(1, 3), (2, 3), (3, 3)]
+    return found
 
 
 def test_every_car_has_its_scores(run, cars) -> None:

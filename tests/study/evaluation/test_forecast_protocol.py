@@ -13,7 +13,7 @@ from tests.support.refusals import refusal
 from tripwatt.forecasting import ForecastModel
 from tripwatt.learners.folds import leave_one_out
 from tripwatt.physics import simulate_trip
-from tripwatt.study.evaluation import Execution, choose_models, evaluate, write_results
+from tripwatt.study.evaluation import Execution, choose_models, evaluate, find_protocol, write_results
 from tripwatt.study.evaluation.forecast_data import DATA_FEATURES, ForecastData, measured_log
 from tripwatt.study.evaluation.forecast_models import DataMethod
 from tripwatt.study.evaluation.forecast_protocol import ForecastProtocol
@@ -26,7 +26,13 @@ from tripwatt.study.evaluation.forecast_scores import (
     crps_scores,
 )
 from tripwatt.study.evaluation.held_out_forecasts import reforecast
-from tripwatt.study.evaluation.hold_outs import CarChoice, HoldOut, HoldOutChoice
+from tripwatt.study.evaluation.hold_outs import (
+    LEAVE_ONE_DAY_OUT,
+    WITHOUT_DAYS,
+    CarChoice,
+    HoldOut,
+    HoldOutChoice,
+)
 from tripwatt.study.evaluation.tasks import Method
 from tripwatt.study.synthetic import synthetic_fleet
 from tripwatt.trips import Plan, Trip
@@ -369,3 +375,22 @@ def test_a_first_sample_without_a_value_takes_the_next_within_a_minute(fleet):
     assert Plan.from_trip(late).departure.soc == samples["displayed_soc"].iloc[3]
     samples = samples.assign(displayed_soc=samples["displayed_soc"].where(samples["time_s"] > 60.5))
     assert Plan.from_trip(dataclasses.replace(trip, samples=samples)).departure.soc is None
+
+
+def test_notes_say_which_hold_outs_and_trips_are_left_out(fleet):
+    i3 = CarChoice("bmw_i3_60ah")
+    logs = [
+        dataclasses.replace(log, context=dataclasses.replace(log.context, started_at=None))
+        for log in fleet.logs
+    ]
+    undated = dataclasses.replace(fleet, logs=tuple(logs), reference={"none": None})
+    for protocol in (QUICK, find_protocol("paper")):
+        dated = protocol.prepare(fleet, None, i3, HoldOutChoice())
+        found = protocol.prepare(undated, None, i3, HoldOutChoice())
+        assert WITHOUT_DAYS in found.notes
+        assert WITHOUT_DAYS not in dated.notes
+        assert LEAVE_ONE_DAY_OUT not in {hold_out.scheme for hold_out in found.hold_outs}
+        few = "leave-one-day-out left out: too few trips remain without the fullest day"
+        assert (few in dated.notes) != (LEAVE_ONE_DAY_OUT in {h.scheme for h in dated.hold_outs})
+    lost = f"none of the reference trips of the data set {fleet.name!r} is here"
+    assert (lost in found.notes, lost in dated.notes) == (True, False)
