@@ -5,11 +5,13 @@ from importlib.metadata import PackageNotFoundError
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from tripwatt.forecasting import ForecastModel, fitting, load_metadata, save_model
-from tripwatt.forecasting.fitting import data_digest, fit_car, fit_with_provenance
+from tripwatt.forecasting.fitting import data_digest, fit_car, fit_with_provenance, held_out_figures
 from tripwatt.forecasting.inner import INNER_FOLDS
+from tripwatt.forecasting.ranges import NEVER_KNOWN, training_ranges
 from tripwatt.hybrid import segment_trips
 from tripwatt.study.synthetic import synthetic_fleet
 from tripwatt.trips import TripSet
@@ -94,3 +96,27 @@ def test_packages_of_extras_that_are_not_installed_are_left_out(monkeypatch):
 
     monkeypatch.setattr("importlib.metadata.version", version)
     assert set(fitting.versions()["packages"]) == {"tripwatt", "numpy", "scipy", "pandas"}
+
+
+def test_a_model_knows_the_ranges_of_its_covariates_and_what_they_are_worth(fleet, car, table) -> None:
+    given = pd.DataFrame({"traffic": np.arange(8.0), "driver": "ben"})
+    known = dataclasses.replace(table, covariates=given)
+    ranges = training_ranges(known, ["traffic", "driver"])
+    assert (ranges["traffic"].low, ranges["traffic"].high) == (0.0, 7.0)
+    assert ranges["driver"] == NEVER_KNOWN
+    model = ForecastModel(car, corrector="linear", covariates=("traffic",)).fit_segments(known)
+    plain = ForecastModel(car, corrector="linear").fit_segments(table)
+    assert plain.covariate_errors_ == {}
+    assert model.to_dict()["covariates"] == {"traffic": model.covariate_errors_}
+    errors = model.covariate_errors_
+    for how, fitted in (("without", plain), ("with", model)):
+        assert errors[how] == pytest.approx(held_out_figures(fitted.held_out_)["mape"])
+    assert errors["with"] != pytest.approx(errors["without"], rel=1e-6)
+    for how, error in errors.items():
+        assert f"error {how} traffic" in model._repr_html_()
+        assert f"{error:.1%}" in model._repr_html_()
+    assert "seen in training" in plain._repr_html_()
+    assert "seen in training" not in ForecastModel(car)._repr_html_()
+    one = fleet.trips[0]
+    busy = [dataclasses.replace(one, samples=one.samples.assign(traffic=x)) for x in (1.0, 2.0)]
+    assert len({data_digest([trip]) for trip in (*busy, one)}) == 3

@@ -127,6 +127,8 @@ def test_unusable_samples_are_refused(model, trip):
         forecast.update(trip.samples[["time_s", "speed_m_s"]])
     found = refusal(forecast.update, trip.samples[["time_s", "speed_m_s"]].assign(soc=3.0))
     assert found.startswith("value out of range: observed samples, ")
+    found = refusal(forecast.update, [0.0])
+    assert found.startswith("unknown type: observed samples: got list; allowed: a DataFrame; for example")
     assert refusal(forecast.sample, 0) == "value out of range: n: got 0; allowed: 1 or more"
     on_the_way = forecast.update(
         trip.samples[trip.samples["time_s"] <= trip.samples["time_s"].iloc[0] + 90.0]

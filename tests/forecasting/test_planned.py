@@ -1,6 +1,7 @@
 """The forecast of a planned route: what links cost is learned on trips that were held out, and widens the interval."""
 
 import dataclasses
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,15 +10,19 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+import tripwatt as tw
 from tripwatt.forecasting import ForecastModel, load_model, save_model
 from tripwatt.forecasting import model as model_module
+from tripwatt.forecasting.forecast import with_route_error
 from tripwatt.forecasting.measured import along_the_plan, columns_measured
 from tripwatt.hybrid import power_corrector, segment_trips
 from tripwatt.physics import simulate_trip
 from tripwatt.routes import parse_route, plan_on_links, route_from_links
+from tripwatt.routes.free_flow import TravelTimeFactors
 from tripwatt.study.synthetic import synthetic_fleet
 from tripwatt.trips import Flag, Plan
 from tripwatt.uncertainty import RouteUncertainty, linked_trips
+from tripwatt.uncertainty.free_flow import FreeFlowUncertainty
 from tripwatt.uncertainty.route import LENGTHS_M, MAX_TRIPS
 from tripwatt.uncertainty.shrinkage import COMPONENTS, FRACTIONS, UpdateShrinkage
 from tripwatt.vehicles import load_vehicle
@@ -246,3 +251,40 @@ def test_any_drive_has_a_clock_that_goes_on(steps, start):
     assert (np.diff(found["time_s"]) > 0.0).all()
     assert ((found["time_s"] >= 0.0) & (found["time_s"] <= plan.duration_s + 1e-2)).all()
     assert found["observed_energy_wh"][[0, -1]].tolist() == pytest.approx([0.0, time[-1] - time[0]])
+
+
+FREE = FreeFlowUncertainty(TravelTimeFactors(np.array([10.0]), np.array([1.2])), 0.0016, 9.0, 20)
+
+
+@pytest.mark.parametrize(
+    ("is_free", "route", "free", "codes"),
+    [
+        (True, True, FREE, {"free_flow_times"}),
+        (True, True, None, {"travel_time_error_unknown"}),
+        (False, True, FREE, set()),
+        (False, False, FREE, {"route_error_unknown"}),
+    ],
+)
+def test_the_error_of_a_route_is_that_of_its_travel_times_where_they_are_known(is_free, route, free, codes):
+    model = tw.load_model()
+    plan = tw.read_route([{"length_m": 4000.0, "speed_m_s": 15.0}, {"length_m": 900.0, "speed_m_s": 20.0}])
+    forecast = model.forecast(plan, tw.Departure(soc=0.8, ambient_temperature_degc=5.0))
+    forecast = replace(
+        forecast, drive=replace(forecast.drive, plan=replace(forecast.plan, free_flow=is_free)), flags=()
+    )
+    links = model.uncertainty_.route
+    found = with_route_error(forecast, links if route else None, free)
+    of_route = {"free_flow_times", "travel_time_error_unknown", "route_error_unknown"}
+    assert {flag.code for flag in found.flags} & of_route == codes
+    share = links.share(plan.link_m) if route else 0.0
+    share = FREE.share(plan.distance_m) if codes == {"free_flow_times"} else share
+    assert found.route_sd_wh == pytest.approx(share * forecast.energy_wh)
+
+
+@pytest.mark.parametrize(("from_deg", "is_flagged"), [(None, True), (90.0, False)])
+def test_a_wind_of_unknown_direction_has_its_flag(from_deg, is_flagged):
+    plan = tw.read_route([{"length_m": 4000.0, "speed_m_s": 15.0}])
+    plan = replace(plan, heading_deg=np.zeros(len(plan)))
+    found = tw.load_model().forecast(plan, tw.Departure(wind_speed_m_s=8.0, wind_from_deg=from_deg))
+    flag = Flag("wind_direction_unknown", "wind_from_deg", 8.0, "m_s")
+    assert (flag in found.flags) == is_flagged

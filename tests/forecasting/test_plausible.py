@@ -279,3 +279,4 @@ def test_the_energy_of_most_trips_is_one_that_the_car_can_take(times, is_plausib
         [] if is_plausible else [f"implausible energy: drives: got {times:g} times the energy of {car.title}"]
     )
     assert list(absurd_energy(car, [], "drives")) == []
+    assert bool(list(absurd_energy(car, measured[1:2], "one drive"))) != is_plausible

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from sklearn.linear_model import LinearRegression, Ridge
+from sklearn.linear_model import LinearRegression, LogisticRegression, Ridge
 from tests.hybrid.tables import table as some_table
 
 from tripwatt.errors import InvalidInput
@@ -119,6 +119,10 @@ def test_a_wrong_prediction_is_refused():
     [
         (Ridge, r"class in place of an object: corrector: got Ridge; allowed: Ridge\(\)"),
         (3, "object cannot be fitted: corrector: got 3; allowed: a regressor"),
+        (
+            LogisticRegression(),
+            "object cannot be fitted: corrector: got the classifier LogisticRegression; allowed: a regressor",
+        ),
         ("sgd", "unknown corrector: corrector: got 'sgd'; allowed: linear, gp"),
     ],
 )

@@ -55,6 +55,8 @@ def test_the_ends_of_a_stored_range_are_in_order(low, high, is_right):
     faults = [*value_faults({"climate": [{"low": low, "high": high}]})]
     assert [fault.what for fault in faults] == ([] if is_right else ["values out of order"])
     assert all(f"low and high [{low}, {high}]" == fault.got for fault in faults)
+    curve = [*value_faults({"factors": {"length_m": np.array([1.0, low, high])}})]
+    assert [f.got for f in curve] == [] if is_right and low >= 1.0 else ["a value below the one before"]
 
 
 @pytest.fixture(scope="module")

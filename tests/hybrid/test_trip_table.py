@@ -1,5 +1,6 @@
 """Trips as one flat table, against arithmetic that is written out here."""
 
+import datetime as dt
 from dataclasses import replace
 
 import numpy as np
@@ -42,6 +43,11 @@ class TestTripTable:
             f"no measured energy: b: got None Wh; {allowed}",
         ]
         assert refusal(build_table, [], cars) == "no trips: trips: got 0; allowed: at least one"
+
+    def test_the_day_of_a_trip_is_its_name_where_no_date_is_known(self) -> None:
+        dated = self.trip("b", context=Context(started_at=dt.datetime(2024, 3, 1, 8, 0)))
+        made = build_table([self.trip(), dated], {"x": load_vehicle("bmw_i3_60ah")})
+        assert made.days == ("a", "2024-03-01")
 
     def test_running_sums(self) -> None:
         """Of the bin means of 1 s that the table holds; 20 °C is comfortable."""
