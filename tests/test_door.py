@@ -9,6 +9,7 @@ import pandas as pd
 import pytest
 from matplotlib.figure import Figure
 from tests.support import ROOT
+from tests.support.refusals import refuses
 
 import tripwatt as tw
 from tripwatt.errors import InvalidInput
@@ -239,10 +240,8 @@ def test_forecast_takes_what_read_route_reads(model):
     plan = tw.read_route(LINKS)
     assert tw.forecast(LINKS, departure).energy_wh == model.forecast(plan, departure).energy_wh
     for call in (tw.forecast, model.forecast, lambda *given: tw.simulate(plan, "vw_id3", given[1])):
-        with pytest.raises(tw.InvalidInput, match=r"departure: got \{'soc': 0\.7\}; allowed: a Departure"):
-            call(plan, {"soc": 0.7})
-    with pytest.raises(tw.InvalidInput, match=r"trip: got DataFrame; allowed: a Plan or a Trip"):
-        model.forecast(pd.DataFrame(LINKS))
+        refuses(r"departure: got \{'soc': 0\.7\}; allowed: a Departure", call, plan, {"soc": 0.7})
+    refuses(r"trip: got DataFrame; allowed: a Plan or a Trip", model.forecast, pd.DataFrame(LINKS))
 
 
 def test_a_table_of_links_is_the_plan_of_its_rows(model):
@@ -258,8 +257,7 @@ def test_a_table_of_samples_is_a_speed_trace_with_its_departure():
     assert plan.to_dict() == Plan.from_samples(samples.iloc[5:], "drive").to_dict()
     assert plan.link_m is None
     assert plan.departure.bms_soc == samples["soc"][5]
-    with pytest.raises(tw.InvalidInput, match=r"speed has no effect: .* route contains times or speeds"):
-        tw.read_route(samples, speed_m_s=10.0)
+    refuses(r"speed has no effect: .* route contains times or speeds", tw.read_route, samples, speed_m_s=10.0)
 
 
 WRONG_TABLES = {

@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
+from tests.support.refusals import refuses
 
-from tripwatt.errors import InvalidInput
 from tripwatt.export import EXPORTS, consumption_curve, export_curve, render_query
 from tripwatt.physics import simulate
 from tripwatt.trips import Departure
@@ -112,12 +112,9 @@ def test_slow_cars_end_where_they_end():
 
 
 def test_faults():
-    with pytest.raises(InvalidInput, match="here, tomtom, mapbox, abrp"):
-        export_curve(CAR, "waze")
-    with pytest.raises(InvalidInput, match="the battery is empty for 30 min"):
-        consumption_curve(CAR, Departure(bms_soc=0.01))
-    with pytest.raises(InvalidInput, match="ambient_temperature_degc"):
-        export_curve(CAR, "here", Departure(ambient_temperature_degc=200.0))
+    refuses("here, tomtom, mapbox, abrp", export_curve, CAR, "waze")
+    refuses("the battery is empty for 30 min", consumption_curve, CAR, Departure(bms_soc=0.01))
+    refuses("ambient_temperature_degc", Departure, ambient_temperature_degc=200.0)
 
 
 def test_query_is_escaped():

@@ -9,10 +9,10 @@ import pandas as pd
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from tests.support.refusals import refuses
 
 from tripwatt.auditing import audit, driven_m, finding_of_cut, without_repeats
 from tripwatt.auditing.findings import Cut, Finding
-from tripwatt.errors import InvalidInput
 from tripwatt.sources.tum import read_tum
 from tripwatt.trips import Context, Log, validate_samples
 
@@ -192,10 +192,8 @@ def test_wrong_units_of_measured_signals_set_aside_alone_and_in_a_fleet(damage, 
 
 def test_only_raw_logs_with_ids_of_their_own():
     trip = log(drive(23))
-    with pytest.raises(InvalidInput, match="duplicate trip id"):
-        audit([trip, trip])
-    with pytest.raises(InvalidInput, match="not a raw log"):
-        audit([replace(trip, step_s=1.0)])
+    refuses("duplicate trip id", audit, [trip, trip])
+    refuses("not a raw log", audit, [replace(trip, step_s=1.0)])
 
 
 @given(data=st.data())

@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 from tests.support.command import Answer
 from tests.support.full_disk import full_disk
+from tests.support.refusals import refuses
 
 from tripwatt.command import TRACEBACK, UNEXPECTED
 from tripwatt.command.output import unfinished_folder, write_text
@@ -105,21 +106,16 @@ def test_a_second_run_ends_at_its_start(run: Callable[..., Answer], tmp_path: Pa
 
 def test_strange_outputs_are_refused(tmp_path: Path) -> None:
     (tmp_path / "link").symlink_to(tmp_path / "nothing")
-    with pytest.raises(InvalidInput, match=r"output is not a folder: --out: got .*link -> "):
-        require_place(tmp_path / "link", None)
+    refuses(r"output is not a folder: --out: got .*link -> ", require_place, tmp_path / "link", None)
     for place in ("/", "/tmp/..", "."):
-        with pytest.raises(InvalidInput, match="output cannot be replaced"):
-            require_place(Path(place), None)
+        refuses("output cannot be replaced", require_place, Path(place), None)
     (tmp_path / "there").mkdir()
     (tmp_path / "good").symlink_to(tmp_path / "there")
     require_place(tmp_path / "good", None)
     os.mkfifo(tmp_path / "pipe")
-    with pytest.raises(InvalidInput, match="output is not a folder"):
-        require_place(tmp_path / "pipe", None)
-    with pytest.raises(InvalidInput, match="no regular file"):
-        write_text("x", tmp_path / "pipe")
-    with pytest.raises(InvalidInput, match=r"cannot write the file: --out: .*a folder"):
-        write_text("x", tmp_path / "there")
+    refuses("output is not a folder", require_place, tmp_path / "pipe", None)
+    refuses("no regular file", write_text, "x", tmp_path / "pipe")
+    refuses(r"cannot write the file: --out: .*a folder", write_text, "x", tmp_path / "there")
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="no /dev/full")

@@ -12,6 +12,7 @@ from typing import Any
 import pandas as pd
 import pytest
 from tests.support.command import Run, answered
+from tests.support.refusals import refuses
 
 import tripwatt as tw
 from tripwatt.errors import InvalidInput
@@ -220,10 +221,8 @@ def test_arguments_that_cannot_be_used_are_refused_at_once(pair: list[CarTrips])
     with pytest.raises(InvalidInput) as caught:
         evaluate_cars([], trips=(), draws=0)
     assert [fault.where for fault in caught.value.faults] == ["trips", "draws", "cars"]
-    with pytest.raises(InvalidInput, match="trips"):
-        evaluate_cars(pair, trips=(0, -1))
-    with pytest.raises(InvalidInput, match="draws"):
-        evaluate_cars(pair, draws=-3)
+    refuses("trips", evaluate_cars, pair, trips=(0, -1))
+    refuses("draws", evaluate_cars, pair, draws=-3)
 
 
 def test_a_car_with_many_trips_scores_its_second_half_alone(

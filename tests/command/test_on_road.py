@@ -8,6 +8,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from tests.support.refusals import refuses
 from typer.testing import CliRunner
 
 from tripwatt.command import app
@@ -35,8 +36,7 @@ def test_a_new_folder_of_cars_is_made_and_only_there(tmp_path: Path) -> None:
     make_cars_folder(tmp_path / "cars")
     assert (tmp_path / "cars").is_dir()
     for place in (tmp_path / "missing" / "cars", Path(__file__)):
-        with pytest.raises(InvalidInput, match=r"cannot make the folder: --cars"):
-            run("serve", "--cars", place, "--port", 0)
+        refuses(r"cannot make the folder: --cars", run, "serve", "--cars", place, "--port", 0)
     assert not (tmp_path / "missing").exists()
 
 
@@ -67,5 +67,4 @@ def test_options_of_mqtt_go_together(options: list[str], what: str) -> None:
 
 def test_without_the_extra_the_error_names_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "aiomqtt", None)
-    with pytest.raises(InvalidInput, match=r"pip install -e '\.\[live\]'"):
-        run("serve", "--cars", tmp_path, "--mqtt", "mqtt://h")
+    refuses(r"pip install -e '\.\[live\]'", run, "serve", "--cars", tmp_path, "--mqtt", "mqtt://h")

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from benchmarks.many_vehicles import FleetPlan, many_vehicles
 from tests.fleet.rows import mapped
+from tests.support.refusals import refuses
 
 from tripwatt.errors import InvalidInput
 from tripwatt.fleet.executors import InProcess
@@ -81,14 +82,10 @@ def test_each_vehicle_has_its_own_forecast(fleet):
     factor = linear.predict_with_uncertainty(table)[1]
     features = segment_features(table)
     assert factor @ factor.T == pytest.approx(features @ covariance @ features.T, rel=1e-8, abs=1e-6)
-    with pytest.raises(InvalidInput, match="unknown vehicle: vehicle_id: got 'new'"):
-        model.forecast(trip, vehicle_id="new")
-    with pytest.raises(InvalidInput, match="another car model"):
-        model.of_vehicle("V00000", car_model="vw_id3")
-    with pytest.raises(InvalidInput, match="cannot be fitted"):
-        linear.fit(table)
-    with pytest.raises(InvalidInput, match="cannot be fitted"):
-        linear.clone_tuned()
+    refuses("unknown vehicle: vehicle_id: got 'new'", model.forecast, trip, vehicle_id="new")
+    refuses("another car model", model.of_vehicle, "V00000", car_model="vw_id3")
+    refuses("cannot be fitted", linear.fit, table)
+    refuses("cannot be fitted", linear.clone_tuned)
 
 
 def test_held_out_trips_are_out_of_the_whole_posterior(fleet, rows, sample):
@@ -113,8 +110,7 @@ def test_held_out_trips_are_out_of_the_whole_posterior(fleet, rows, sample):
     x = rows.X[i]
     assert energy[i] == pytest.approx(rows.numbers("simulated_wh")[i] + x @ mean)
     assert sd[i] == pytest.approx(np.sqrt(x @ covariance @ x))
-    with pytest.raises(InvalidInput, match="no trips"):
-        SampledTrips.read([])
+    refuses("no trips", SampledTrips.read, [])
 
 
 def test_too_few_trips_are_an_error(fleet, tmp_path):

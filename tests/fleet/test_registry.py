@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from tests.support.refusals import refuses
 
-from tripwatt.errors import InvalidInput
 from tripwatt.fleet.registry import (
     Comparison,
     FollowedModel,
@@ -25,11 +25,9 @@ def test_versions_are_added_promoted_forth_and_back(fleet, tmp_path):
     registry = Registry(tmp_path / "reg")
     assert registry.versions() == ()
     assert registry.history() == []
-    with pytest.raises(InvalidInput, match="no version in use"):
-        registry.current()
+    refuses("no version in use", registry.current)
     assert [registry.add(model, "é"), registry.add(model), registry.add(model)] == ["0001", "0002", "0003"]
-    with pytest.raises(InvalidInput, match="no version in use"):
-        registry.load()
+    refuses("no version in use", registry.load)
     for version in ("0001", "0002", "0001"):
         registry.promote(version)
         assert registry.current() == version
@@ -41,16 +39,13 @@ def test_versions_are_added_promoted_forth_and_back(fleet, tmp_path):
     with (registry.folder / "history.jsonl").open("a") as file:
         file.write('{"action": "pro')
     assert len(registry.history()) == 6
-    with pytest.raises(InvalidInput, match="unknown version"):
-        registry.promote("0009")
+    refuses("unknown version", registry.promote, "0009")
     part = registry.path("0002") / "fleet.npz"
     part.write_bytes(part.read_bytes()[:-1])
-    with pytest.raises(InvalidInput, match=r"fleet\.npz"):
-        registry.promote("0002")
+    refuses(r"fleet\.npz", registry.promote, "0002")
     assert registry.current() == "0001"
     (tmp_path / "file").write_text("")
-    with pytest.raises(InvalidInput, match="registry cannot be written"):
-        Registry(tmp_path / "file").add(model)
+    refuses("registry cannot be written", Registry(tmp_path / "file").add, model)
 
 
 def test_a_worse_challenger_is_refused():
@@ -73,8 +68,7 @@ def test_promote_refuses_what_is_worse(fleet, tmp_path):
     *_, model, _ = fleet
     registry = Registry(tmp_path)
     registry.add(model)
-    with pytest.raises(InvalidInput, match="challenger is worse"):
-        registry.promote("0001", Comparison(10, 5, 0.05, 0.07, 0.02, 0.01, 0.03))
+    refuses("challenger is worse", registry.promote, "0001", Comparison(10, 5, 0.05, 0.07, 0.02, 0.01, 0.03))
     assert registry.history()[-1]["action"] == "add"
     registry.promote("0001", Comparison(10, 5, 0.05, 0.04, -0.01, -0.02, 0.0))
     assert registry.history()[-1]["comparison"]["difference"] == -0.01

@@ -2,8 +2,8 @@
 
 import pytest
 from benchmarks.many_vehicles import many_vehicles
+from tests.support.refusals import refuses
 
-from tripwatt.errors import InvalidInput
 from tripwatt.fleet.storage import load_fleet, save_fleet
 from tripwatt.trips import Trip
 
@@ -24,10 +24,8 @@ def test_a_stored_model_forecasts_alike(fleet, tmp_path):
     observed = trip.samples.iloc[:200]
     assert ours.update(observed).energy_wh == theirs.update(observed).energy_wh
     (tmp_path / "m" / "fleet.npz").write_bytes(b"x")
-    with pytest.raises(InvalidInput, match=r"fleet\.npz"):
-        load_fleet(tmp_path / "m")
+    refuses(r"fleet\.npz", load_fleet, tmp_path / "m")
     import tripwatt as tw
 
     tw.save_model(tw.load_model(), tmp_path / "one")
-    with pytest.raises(InvalidInput, match="no model of a fleet"):
-        load_fleet(tmp_path / "one")
+    refuses("no model of a fleet", load_fleet, tmp_path / "one")

@@ -8,9 +8,9 @@ import pandas as pd
 import pytest
 from benchmarks.leave_with import CHARGES, RESERVE, ROADS, WORST, answers, plan_of
 from tests.support.cars import KEPT, some_cars
+from tests.support.refusals import refuses
 
 import tripwatt as tw
-from tripwatt.errors import InvalidInput
 from tripwatt.forecasting import Forecast
 from tripwatt.forecasting.leaving import charge_with_spare, leave_with, leaving_with, soc_needed
 from tripwatt.population import for_car
@@ -140,8 +140,7 @@ def test_a_charge_that_no_display_shows_is_refused(model):
         pd.DataFrame({"time_s": [0.0, 600.0], "speed_m_s": 20.0, "displayed_soc": [0.5, 0.47]})
     )
     for trip, soc in itertools.product((before, seen), (-0.1, 1.1, float("nan"))):
-        with pytest.raises(InvalidInput, match="out of range"):
-            leaving_with(trip, soc)
+        refuses("out of range", leaving_with, trip, soc)
 
 
 def test_a_plan_is_forecast_again_as_it_was_forecast(model):
@@ -184,8 +183,7 @@ def test_few_forecasts_find_the_charge_to_leave_with(spare, needed, most):
 
 def test_a_charge_to_leave_with_is_for_a_probability_of_a_half_or_more(model):
     trip = asked(model, "descent")
-    with pytest.raises(InvalidInput, match=r"probability: got 0\.49; allowed: 0\.5 "):
-        soc_needed(trip, 0.1, 0.49)
+    refuses(r"probability: got 0\.49; allowed: 0\.5 ", soc_needed, trip, 0.1, 0.49)
 
 
 def test_what_was_added_for_an_unknown_state_stays_with_another_charge(model):

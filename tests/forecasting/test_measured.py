@@ -6,6 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from tests.forecasting import test_forecast as by_hand
+from tests.support.refusals import refuses
 
 from tripwatt.errors import InvalidInput
 from tripwatt.forecasting.measured import (
@@ -113,8 +114,7 @@ class TestPower:
         assert read(log)[0].until_s == 25.0
 
     def test_no_measurement(self) -> None:
-        with pytest.raises(InvalidInput, match="no measured energy"):
-            read(pd.DataFrame({"time_s": [0.0, 1.0], "speed_m_s": 1.0}))
+        refuses("no measured energy", read, pd.DataFrame({"time_s": [0.0, 1.0], "speed_m_s": 1.0}))
         with pytest.raises(InvalidInput, match="no measured energy"):
             read(pd.DataFrame({"time_s": [0.0, 1.0], "soc": NO, "displayed_soc": NO}))
 
@@ -347,8 +347,7 @@ class TestDeparture:
     def test_times_count_from_the_departure(self) -> None:
         assert departed(self.readings(60.0, 70.0), self.plan)["time_s"].tolist() == [0.0, 10.0]
         assert departed(self.readings(90.0, 95.0), self.plan)["time_s"].tolist() == [30.0, 35.0]
-        with pytest.raises(InvalidInput, match="too few samples"):
-            departed(self.readings(), self.plan)
+        refuses("too few samples", departed, self.readings(), self.plan)
 
     def test_before_and_after(self) -> None:
         with pytest.raises(
@@ -374,15 +373,13 @@ class TestDeparture:
         log, plan = self.accelerating(1.0, own_speed)
         assert len(departed(log, plan)["time_s"]) == 600
         log, plan = self.accelerating(-1.0, own_speed)
-        with pytest.raises(InvalidInput, match="current has the wrong sign"):
-            departed(log, plan)
+        refuses("current has the wrong sign", departed, log, plan)
         assert len(departed(log.drop(columns="voltage_v"), plan)["time_s"]) == 600
 
     def test_on_a_planned_route_only_the_own_speed_counts(self) -> None:
         log, plan = self.accelerating(-1.0)
         linked = Plan.from_trace("p", plan.samples, link_m=50.0)
-        with pytest.raises(InvalidInput, match="current has the wrong sign"):
-            departed(log, linked)
+        refuses("current has the wrong sign", departed, log, linked)
         assert len(departed(log.drop(columns="speed_m_s"), linked)["time_s"]) == 600
         assert len(departed(self.readings(700.0, 710.0), linked)["time_s"]) == 2
 

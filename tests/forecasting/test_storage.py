@@ -9,7 +9,7 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
-from tests.support.refusals import refusal
+from tests.support.refusals import refusal, refuses
 
 from tripwatt.errors import InvalidInput
 from tripwatt.forecasting import Forecast, ForecastModel, load_metadata, load_model, save_model, storage
@@ -66,12 +66,10 @@ def test_flags_of_a_model_come_back(car, table, tmp_path: Path) -> None:
 
 
 def test_what_cannot_be_stored_is_refused(car, table, tmp_path: Path) -> None:
-    with pytest.raises(InvalidInput, match="not fitted"):
-        save_model(ForecastModel(car), tmp_path / "model")
+    refuses("not fitted", save_model, ForecastModel(car), tmp_path / "model")
     model = ForecastModel(car, "linear").fit_segments(table)
     model.corrector_ = object()  # type: ignore[assignment]
-    with pytest.raises(InvalidInput, match="cannot be stored"):
-        save_model(model, tmp_path / "model")
+    refuses("cannot be stored", save_model, model, tmp_path / "model")
     assert not list(tmp_path.iterdir())
 
 
@@ -179,5 +177,4 @@ def test_a_model_from_outside_is_tried_in_cold_and_heat():
 
 @pytest.mark.parametrize("parts", [{}, {"model.json": b"{}"}, {"model.json": 3}])
 def test_parts_that_are_no_model_are_refused_in_one_sentence(parts):
-    with pytest.raises(InvalidInput, match=r"^parts do not make a forecast model: model: got no '"):
-        storage.model_of_parts(parts)
+    refuses(r"^parts do not make a forecast model: model: got no '", storage.model_of_parts, parts)

@@ -5,6 +5,7 @@ import dataclasses
 import numpy as np
 import pandas as pd
 import pytest
+from tests.support.refusals import refuses
 
 from tripwatt.errors import InvalidInput
 from tripwatt.physics import simulate_trip
@@ -16,10 +17,8 @@ from tripwatt.vehicles.parts import Auxiliaries, Body, RoadLoad
 
 
 def test_an_unknown_climate_mode_is_refused() -> None:
-    with pytest.raises(InvalidInput, match=r"climate.*one of auto, off, heat, cool"):
-        DriveConditions(climate="warm")
-    with pytest.raises(InvalidInput, match=r"climate.*one of auto, off, heat, cool"):
-        Departure(climate="warm")
+    refuses(r"climate.*one of auto, off, heat, cool", DriveConditions, climate="warm")
+    refuses(r"climate.*one of auto, off, heat, cool", Departure, climate="warm")
 
 
 def car(capacity_ah: float = 1e3, **battery: object) -> Vehicle:

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from benchmarks.worlds import changed
 from scipy.stats import t as t_distribution
+from tests.support.refusals import refuses
 
 import tripwatt as tw
 from tripwatt.errors import InvalidInput
@@ -417,17 +418,14 @@ def test_every_fitted_model_is_a_base(leaf: Vehicle, loaded: list[Trip]) -> None
 
 
 def test_what_cannot_be_adapted_is_refused(base: ForecastModel, leaf: Vehicle, loaded: list[Trip]) -> None:
-    with pytest.raises(InvalidInput, match="no trips"):
-        adaptation(base, [], leaf)
+    refuses("no trips", adaptation, base, [], leaf)
     silent = [replace(trip, observed_energy_wh=None) for trip in loaded[1:3]]
     with pytest.raises(InvalidInput, match="no measured energy") as caught:
         adaptation(base, [loaded[0], *silent], leaf)
     assert [fault.where for fault in caught.value.faults] == [trip.trip_id for trip in silent]
     blank = ForecastModel(load_vehicle("bmw_i3_60ah"))
-    with pytest.raises(InvalidInput, match="not fitted"):
-        adaptation(blank, loaded[:1], leaf)
-    with pytest.raises(InvalidInput, match="not fitted"):
-        without_trips(blank, leaf)
+    refuses("not fitted", adaptation, blank, loaded[:1], leaf)
+    refuses("not fitted", without_trips, blank, leaf)
 
 
 @pytest.mark.parametrize("ambient", [-8.0, 33.0])

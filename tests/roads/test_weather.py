@@ -6,6 +6,7 @@ from dataclasses import replace
 import httpx
 import numpy as np
 import pytest
+from tests.support.refusals import refuses
 from tests.support.roads import client, mutated
 
 from tripwatt.errors import InvalidInput, RemoteError
@@ -127,8 +128,7 @@ def test_rain_raises_rolling_resistance():
     "wind", [np.full(99, 1.0), np.full(100, np.nan), np.full(100, 61.0), np.full(100, -61.0)]
 )
 def test_impossible_wind_is_refused(wind):
-    with pytest.raises(InvalidInput, match="headwind_m_s"):
-        simulate(CAR, np.arange(100.0), np.full(100, 20.0), headwind_m_s=wind)
+    refuses("headwind_m_s", simulate, CAR, np.arange(100.0), np.full(100, 20.0), headwind_m_s=wind)
 
 
 def test_every_value_out_of_bounds_is_named():
@@ -228,8 +228,7 @@ def test_a_mutated_answer_is_weather_or_one_clear_error():
 
 
 def test_the_url_is_checked():
-    with pytest.raises(InvalidInput, match="not the URL of a server: --weather"):
-        WeatherServer.from_url("open-meteo")
+    refuses("not the URL of a server: --weather", WeatherServer.from_url, "open-meteo")
     assert WeatherServer.from_url("https://h/").client.base_url == "https://h"
 
 

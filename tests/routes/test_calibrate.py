@@ -7,8 +7,8 @@ import pandas as pd
 import pytest
 from benchmarks.link_style import calibrate_style, road_work
 from tests.routes.made import NO
+from tests.support.refusals import refuses
 
-from tripwatt.errors import InvalidInput
 from tripwatt.routes import LinkStyle, links_of_trip, route_from_links
 from tripwatt.trips import Trip
 
@@ -27,8 +27,7 @@ def test_calibration_finds_the_style_that_made_the_trips():
     right = [abs(road_work(links_of_trip(t).plan(style=found)) / road_work(t) - 1.0) for t in trips]
     assert np.mean(right) < 0.02
     assert np.mean(right) < 0.25 * np.mean(wrong)
-    with pytest.raises(InvalidInput, match="no trips"):
-        calibrate_style([])
+    refuses("no trips", calibrate_style, [])
 
 
 def test_the_work_of_a_compact_car_by_hand():
@@ -99,5 +98,4 @@ def test_the_found_style_keeps_to_its_bounds(monkeypatch):
 
 def test_trips_without_positive_energy_are_refused():
     for energy in (0.0, -1.0, NO):
-        with pytest.raises(InvalidInput, match="no positive energy"):
-            calibrate_style([cruise("A")], energy=lambda trip, found=energy: found)
+        refuses("no positive energy", calibrate_style, [cruise("A")], energy=lambda trip, found=energy: found)

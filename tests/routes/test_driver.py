@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from tests.routes.made import NO
-from tests.support.refusals import refusal
+from tests.support.refusals import refusal, refuses
 
 from tripwatt.errors import InvalidInput
 from tripwatt.routes.driver import (
@@ -154,10 +154,8 @@ def test_a_driver_style_is_positive(name):
 def test_a_steady_foot_and_short_stops_are_allowed():
     still = DriverStyle(fluctuation=0.0, dwell_mean_s=0.0, speed_share=1.0)
     assert (still.fluctuation, still.dwell_mean_s, still.speed_share) == (0.0, 0.0, 1.0)
-    with pytest.raises(InvalidInput, match="at most 1"):
-        DriverStyle(speed_share=1.01)
-    with pytest.raises(InvalidInput, match="fluctuation"):
-        DriverStyle(fluctuation=-0.1)
+    refuses("at most 1", DriverStyle, speed_share=1.01)
+    refuses("fluctuation", DriverStyle, fluctuation=-0.1)
 
 
 def test_distance_becomes_time():

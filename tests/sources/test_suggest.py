@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+from tests.support.refusals import refuses
 
 from tripwatt.errors import InvalidInput
 from tripwatt.physics.battery import usable_energy_wh
@@ -144,8 +145,7 @@ def test_a_unit_in_the_name_that_physics_denies_is_doubted(tmp_path) -> None:
 
 
 def test_a_folder_stands_for_its_largest_file_and_an_empty_one_is_refused(tmp_path) -> None:
-    with pytest.raises(InvalidInput, match="no table"):
-        suggest_mapping(tmp_path)
+    refuses("no table", suggest_mapping, tmp_path)
     d = drive()
     pd.DataFrame({"time_s": d.t, "speed_m_s": d.v, "voltage_v": d.u, "current_a": d.i, "fahrt_nr": 3}).to_csv(
         tmp_path / "a.csv", index=False
@@ -446,8 +446,7 @@ def test_grades_that_contradict_the_heights_are_a_fault_of_the_log(tmp_path, hil
         (file,) = read_table(tmp_path / "drive.csv").report.files
         assert (file.logs, file.faults) == (1, ())
         return
-    with pytest.raises(InvalidInput, match=r"grade contradicts heights: .*drive\.csv: got .* m apart"):
-        read_table(tmp_path / "drive.csv")
+    refuses(r"grade contradicts heights: .*drive\.csv: got .* m apart", read_table, tmp_path / "drive.csv")
 
 
 @pytest.mark.parametrize("name", ["SoC BMS (%)", "bms_soc", "SoC (%)", "soc_display"])

@@ -9,6 +9,7 @@ import pyarrow.parquet as pq
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from tests.support.refusals import refuses
 
 from tripwatt.arrays import FloatArray
 from tripwatt.auditing import audit
@@ -254,10 +255,8 @@ def test_wrong_mappings_are_named_by_their_keys(tmp_path):
         assert part in said
     assert "did you mean 'columns'?" in said
     path.write_text("[columns")
-    with pytest.raises(InvalidInput, match="not a TOML file"):
-        load_mapping(path)
-    with pytest.raises(InvalidInput, match="cannot read the mapping"):
-        load_mapping(tmp_path / "none.toml")
+    refuses("not a TOML file", load_mapping, path)
+    refuses("cannot read the mapping", load_mapping, tmp_path / "none.toml")
 
 
 def test_without_a_mapping_our_names_are_needed(tmp_path):

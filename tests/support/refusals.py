@@ -1,4 +1,4 @@
-"""The message of a refused input, so that a table of wrong inputs takes a line for each."""
+"""Refused inputs, a line for each."""
 
 from collections.abc import Callable
 
@@ -12,3 +12,9 @@ def refusal(call: Callable[..., object], *given: object, **named: object) -> str
     with pytest.raises(InvalidInput) as found:
         call(*given, **named)
     return str(found.value)
+
+
+def refuses(pattern: str, call: Callable[..., object], *given: object, **named: object) -> None:
+    """Fails unless the input is refused with a message that has the pattern."""
+    with pytest.raises(InvalidInput, match=pattern):
+        call(*given, **named)

@@ -3,6 +3,7 @@
 import numpy as np
 import pandas as pd
 import pytest
+from tests.support.refusals import refuses
 from tests.trips.logs import log
 
 from tripwatt.errors import InvalidInput
@@ -23,12 +24,10 @@ def test_all_faults_are_named_at_once():
 
 
 def test_structure_faults_come_before_values():
-    with pytest.raises(InvalidInput, match="missing column"):
-        Log.from_samples("t", pd.DataFrame({"time_s": [0.0, 1.0]}))
+    refuses("missing column", Log.from_samples, "t", pd.DataFrame({"time_s": [0.0, 1.0]}))
     with pytest.raises(InvalidInput, match="not a number"):
         Log.from_samples("t", pd.DataFrame({"time_s": [0.0, 1.0], "speed_m_s": ["a", "b"]}))
-    with pytest.raises(InvalidInput, match="at least 2"):
-        Log.from_samples("t", log(np.arange(1.0)))
+    refuses("at least 2", Log.from_samples, "t", log(np.arange(1.0)))
 
 
 @pytest.mark.parametrize(

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from tests.support.cars import some_cars
+from tests.support.refusals import refuses
 
 from tripwatt.errors import InvalidInput
 from tripwatt.vehicles import (
@@ -98,16 +99,12 @@ def test_a_car_that_is_loaded_again_is_as_its_file_is() -> None:
 
 
 def test_unknown_car_preset_and_file(tmp_path: Path) -> None:
-    with pytest.raises(InvalidInput, match="did you mean 'bmw_i3_60ah'"):
-        load_vehicle("bmw_i3_60")
-    with pytest.raises(InvalidInput, match="unknown preset"):
-        load_vehicle("bmw_i3_60ah", preset="sport")
-    with pytest.raises(InvalidInput, match="cannot be read"):
-        load_vehicle(tmp_path / "none.toml")
+    refuses("did you mean 'bmw_i3_60ah'", load_vehicle, "bmw_i3_60")
+    refuses("unknown preset", load_vehicle, "bmw_i3_60ah", preset="sport")
+    refuses("cannot be read", load_vehicle, tmp_path / "none.toml")
     broken = tmp_path / "broken.toml"
     broken.write_text("[body\n")
-    with pytest.raises(InvalidInput, match=r"not a TOML file.*broken\.toml"):
-        load_vehicle(broken)
+    refuses(r"not a TOML file.*broken\.toml", load_vehicle, broken)
 
 
 def test_a_car_from_a_path(tmp_path: Path) -> None:
@@ -159,10 +156,7 @@ def test_an_unknown_car_is_named_with_those_that_are_meant() -> None:
     with pytest.raises(InvalidInput, match="did you mean 'vw_id4_pro'") as error:
         load_vehicle("vw_id4")
     assert len(str(error.value)) < 300  # not the whole library
-    with pytest.raises(
-        InvalidInput, match=r"describe it: `tripwatt vehicles new`, the path of a \.toml file"
-    ):
-        require_vehicle("zzz")
+    refuses(r"describe it: `tripwatt vehicles new`, the path of a \.toml file", require_vehicle, "zzz")
 
 
 @pytest.mark.parametrize("name", vehicle_names())

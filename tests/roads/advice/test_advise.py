@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 from tests.support.cars import some_cars
+from tests.support.refusals import refuses
 
 import tripwatt as tw
 from tripwatt.errors import InvalidInput
@@ -126,8 +127,7 @@ def test_a_difference_is_narrower_than_two_forecasts(model: ForecastModel) -> No
 
 
 def test_forecasts_of_two_cars_have_no_difference(model: ForecastModel) -> None:
-    with pytest.raises(InvalidInput, match="of two cars"):
-        model.forecast(road()).difference(tw.for_car(model, "vw_id3").forecast(road()))
+    refuses("of two cars", model.forecast(road()).difference, tw.for_car(model, "vw_id3").forecast(road()))
 
 
 def charged_for(model: ForecastModel, plan: Plan, chance: float, reserve: float = 0.1) -> Forecast:
@@ -217,9 +217,7 @@ def test_what_has_to_begin_before_now_is_not_advised(model: ForecastModel) -> No
 
 def test_what_cannot_be_advised_is_refused(model: ForecastModel) -> None:
     forecast = model.forecast(road())
-    with pytest.raises(InvalidInput, match="given twice"):
-        tw.advise(forecast, Departure(soc=0.5))
-    with pytest.raises(InvalidInput, match="no advice"):
-        tw.advise(replace(forecast, model=None))
+    refuses("given twice", tw.advise, forecast, Departure(soc=0.5))
+    refuses("no advice", tw.advise, replace(forecast, model=None))
     with pytest.raises(InvalidInput):
         tw.advise(forecast, probability=0.2)

@@ -9,6 +9,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from benchmarks.need import driven_by_kind, set_rows, study, trips_and_car
+from tests.support.refusals import refuses
 from tools import DATA
 
 import tripwatt as tw
@@ -340,7 +341,5 @@ def test_a_holiday_of_a_commuter_is_not_driven_through_towns() -> None:
 
 @pytest.mark.parametrize("shares", [(math.nan, 0.5, 0.5), (0.5, math.nan, 0.5), (0.5, 0.5), (-0.5, 1.0, 0.5)])
 def test_shares_that_are_none_and_parts_of_trips_are_refused(shares):
-    with pytest.raises(InvalidInput, match="not shares of a distance: kind"):
-        tw.need(10, shares)
-    with pytest.raises(InvalidInput, match=r"not a whole number: trips: got 2\.5"):
-        tw.need(10, trips=2.5)
+    refuses("not shares of a distance: kind", tw.need, 10, shares)
+    refuses(r"not a whole number: trips: got 2\.5", tw.need, 10, trips=2.5)

@@ -13,6 +13,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from tests.support.refusals import refuses
 from tests.support.router_server import valhalla_serving
 
 import tripwatt as tw
@@ -129,10 +130,8 @@ def test_suggestions_name_no_place_twice(built: MapFolder) -> None:
 
 
 def test_coordinates_outside_of_the_map_are_refused(places: Atlas) -> None:
-    with pytest.raises(InvalidInput, match=r"place outside of the map: stops\[0\].*this map covers"):
-        places.find("47.24, 9.75", "stops[0]")
-    with pytest.raises(InvalidInput, match="place outside of the map"):
-        places.find(Place(40.0, 9.5, "far"), "stops[0]")
+    refuses(r"place outside of the map: stops\[0\].*this map covers", places.find, "47.24, 9.75", "stops[0]")
+    refuses("place outside of the map", places.find, Place(40.0, 9.5, "far"), "stops[0]")
     assert places.find("47.14, 9.52", "stops[0]") == Place(47.14, 9.52)
 
 
@@ -214,8 +213,7 @@ def test_the_links_of_a_road_have_classes_and_free_speeds(atlas: Atlas) -> None:
 
 def test_a_damaged_extract_leaves_nothing_behind(tmp_path: Path, built: MapFolder) -> None:
     (tmp_path / "bad.osm.pbf").write_bytes(b"no extract")
-    with pytest.raises(InvalidInput, match=r"cannot read the extract: bad.osm.pbf"):
-        build_map(tmp_path / "bad.osm.pbf", tmp_path / "map")
+    refuses(r"cannot read the extract: bad.osm.pbf", build_map, tmp_path / "bad.osm.pbf", tmp_path / "map")
     assert [path.name for path in tmp_path.iterdir()] == ["bad.osm.pbf"]
 
 

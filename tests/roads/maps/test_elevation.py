@@ -6,6 +6,7 @@ import zipfile
 
 import numpy as np
 import pytest
+from tests.support.refusals import refuses
 
 from tripwatt.errors import InvalidInput
 from tripwatt.roads.maps.elevation import ROWS, VOID, Elevation, needed, without_tiles
@@ -130,8 +131,7 @@ def test_every_damaged_tile_is_named(source, tmp_path):
 def test_a_folder_without_tiles_is_refused(source, files):
     for name in files:
         (source / name).write_text("x")
-    with pytest.raises(InvalidInput, match="no elevation tiles: --elevation"):
-        Elevation.from_folder(source)
+    refuses("no elevation tiles: --elevation", Elevation.from_folder, source)
 
 
 def test_the_tiles_of_a_region_and_a_missing_one():
@@ -206,8 +206,7 @@ def test_voids_of_a_raster(source, tmp_path, raster):
 
 def test_a_damaged_raster_is_named(source, tmp_path, raster):
     (source / "a.tif").write_bytes(b"no raster")
-    with pytest.raises(InvalidInput, match=r"cannot read the elevation tile: a\.tif"):
-        converted(source, tmp_path / "out")
+    refuses(r"cannot read the elevation tile: a\.tif", converted, source, tmp_path / "out")
 
 
 def test_heights_at_places_are_bilinear_and_unknown_where_no_tile_is(source):

@@ -13,6 +13,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from tests.support.full_disk import full_disk
+from tests.support.refusals import refuses
 
 from tripwatt.errors import InvalidInput
 from tripwatt.server.cars.car_file import (
@@ -134,10 +135,8 @@ def test_a_file_of_a_newer_format_and_a_damaged_one_are_refused(file: CarFile) -
     ):
         file.prepare(lambda db: None)
     file.path.write_bytes(b"no database" * 1000)
-    with pytest.raises(InvalidInput, match="damaged file"):
-        file.prepare(lambda db: None)
-    with pytest.raises(InvalidInput, match="damaged file"):
-        file.setting("plan")
+    refuses("damaged file", file.prepare, lambda db: None)
+    refuses("damaged file", file.setting, "plan")
 
 
 def test_a_file_that_a_killed_process_began_is_made_again(tmp_path: Path) -> None:

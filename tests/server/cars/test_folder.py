@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from tests.server.cars.messages import NOON_S, abrp_messages, measured
 from tests.support.drives import example_trip
-from tests.support.refusals import refusal
+from tests.support.refusals import refusal, refuses
 
 from tripwatt.errors import InvalidInput
 from tripwatt.server.cars.car import Car
@@ -126,8 +126,7 @@ def test_an_erasure_that_fails_says_what_is_left_and_is_repeated(
 
     with monkeypatch.context() as patch:
         patch.setattr(shutil, "rmtree", refuse)
-        with pytest.raises(InvalidInput, match=r"cannot erase the car: .*uploads: got Permission denied"):
-            forget_car(folder)
+        refuses(r"cannot erase the car: .*uploads: got Permission denied", forget_car, folder)
     assert is_car(folder), "its name is erased last"
     forget_car(folder)
     assert not folder.exists()
@@ -135,15 +134,13 @@ def test_an_erasure_that_fails_says_what_is_left_and_is_repeated(
 
 @pytest.mark.parametrize("name", ["a b", ".hidden", "-x", "ü", "x" * 65])
 def test_a_name_is_part_of_a_path_and_of_a_url(tmp_path: Path, name: str) -> None:
-    with pytest.raises(InvalidInput, match="name cannot be used"):
-        Car.follow(tmp_path / name)
+    refuses("name cannot be used", Car.follow, tmp_path / name)
     assert list(tmp_path.iterdir()) == []
 
 
 def test_a_folder_that_cannot_be_made_is_refused(folder: Path) -> None:
     folder.write_text("")
-    with pytest.raises(InvalidInput, match="cannot write the folder"):
-        Car.follow(folder)
+    refuses("cannot write the folder", Car.follow, folder)
 
 
 def test_a_car_that_another_run_has_made_meanwhile_is_in_use(folder: Path, monkeypatch) -> None:

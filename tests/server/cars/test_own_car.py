@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+from tests.support.refusals import refuses
 
 import tripwatt as tw
 from tripwatt.auditing import audit
@@ -226,12 +227,9 @@ def test_a_described_car_keeps_its_description(tmp_path: Path) -> None:
 def test_what_is_no_car_is_refused_and_files_of_others_stay(
     learned: Car, logs: tuple[Log, ...], tmp_path: Path
 ) -> None:
-    with pytest.raises(InvalidInput, match=r"not a car.*no such folder"):
-        open_car(tmp_path / "nowhere")
-    with pytest.raises(InvalidInput, match="folder in use"):
-        create_car(learned.folder, "vw_id3")
-    with pytest.raises(InvalidInput, match="unknown car"):
-        create_car(tmp_path / "x", "no such car")
+    refuses(r"not a car.*no such folder", open_car, tmp_path / "nowhere")
+    refuses("folder in use", create_car, learned.folder, "vw_id3")
+    refuses("unknown car", create_car, tmp_path / "x", "no such car")
     assert not (tmp_path / "x").exists()
     car = create_car(tmp_path / "x", "bmw_i3_60ah")
     assert is_car(tmp_path / "x")
@@ -239,8 +237,7 @@ def test_what_is_no_car_is_refused_and_files_of_others_stay(
     issue_token(car.folder)
     forget_car(car.folder)
     assert [path.name for path in car.folder.iterdir()] == ["notes.txt"]
-    with pytest.raises(InvalidInput, match="not a car"):
-        forget_car(car.folder)
+    refuses("not a car", forget_car, car.folder)
 
 
 def test_the_commands_are_the_library(base: Path, logs: tuple[Log, ...], tmp_path: Path) -> None:

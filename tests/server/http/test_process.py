@@ -17,13 +17,13 @@ import orjson
 import pytest
 import typer.main
 from tests.support.command import answered
+from tests.support.refusals import refuses
 from tests.support.service_fuzz import fuzz
 from tests.support.service_process import TOKEN, Service, serving, wait_for
 from tests.support.service_schema import PLAIN, conformance
 
 from tripwatt.command import app
 from tripwatt.command.serve import models_of, serve
-from tripwatt.errors import InvalidInput
 from tripwatt.forecasting.storage import model_folder
 from tripwatt.roads.journey import AtlasSettings
 from tripwatt.server.http.problems import TITLES
@@ -102,16 +102,14 @@ def test_every_option_has_a_variable(monkeypatch: pytest.MonkeyPatch, tmp_path: 
 
 def test_without_the_extra_the_error_names_it(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "fastapi", None)
-    with pytest.raises(InvalidInput, match=r"\.\[service\]"):
-        serve()
+    refuses(r"\.\[service\]", serve)
 
 
 def test_models_are_named_after_their_folders(tmp_path: Path) -> None:
     (tmp_path / "one").symlink_to(model_folder())
     (tmp_path / "two").symlink_to(model_folder())
     assert list(models_of([f"{tmp_path / 'two'}"])) == [model_folder().name]
-    with pytest.raises(InvalidInput, match="duplicate model name"):
-        models_of([f"{tmp_path / 'one'}", f"{tmp_path / 'two'}"])
+    refuses("duplicate model name", models_of, [f"{tmp_path / 'one'}", f"{tmp_path / 'two'}"])
 
 
 @pytest.fixture(scope="module")

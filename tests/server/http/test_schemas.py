@@ -7,6 +7,7 @@ from typing import Any
 import pytest
 from pydantic import BaseModel, TypeAdapter, ValidationError
 from pydantic.json_schema import models_json_schema
+from tests.support.refusals import refuses
 
 import tripwatt as tw
 from tripwatt.errors import Fault, InvalidInput
@@ -138,8 +139,7 @@ def test_the_charge_of_the_battery_management_has_a_name_of_its_own() -> None:
     columns = {"time_s": [0.0, 1.0, 2.0], "speed_m_s": [0.0, 1.0, 0.0]}
     charges = [0.5, 0.5, 0.4]
     assert parse_samples({**columns, "bms_soc": charges}, Limits())["soc"].tolist() == charges
-    with pytest.raises(InvalidInput, match="did you mean 'bms_soc'"):
-        parse_samples({**columns, "soc": charges}, Limits())
+    refuses("did you mean 'bms_soc'", parse_samples, {**columns, "soc": charges}, Limits())
 
 
 def test_what_is_no_json_is_said() -> None:
@@ -209,8 +209,7 @@ def test_two_measurements_are_enough() -> None:
     assert len(parse_observed(observed, Limits())) == 2
     with pytest.raises(InvalidInput):
         parse_observed({"time_s": [0.0], "bms_soc": [0.5]}, Limits())
-    with pytest.raises(InvalidInput, match=r"observed\.time_s"):
-        parse_observed(observed, Limits(samples=1))
+    refuses(r"observed\.time_s", parse_observed, observed, Limits(samples=1))
 
 
 def test_a_trip_takes_a_second_or_more_and_the_limit_or_less() -> None:

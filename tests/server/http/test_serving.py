@@ -11,6 +11,7 @@ from typing import Any
 
 import pytest
 import uvicorn
+from tests.support.refusals import refuses
 
 from tripwatt.errors import InvalidInput
 from tripwatt.server.http import app, serving
@@ -161,12 +162,10 @@ def test_warnings_of_the_server_are_logged_with_at_most_4000_characters(
 
 
 def test_a_server_that_did_not_start_is_a_fault(configured: Configured) -> None:
-    with pytest.raises(InvalidInput, match="service did not start"):
-        serve(Settings(port=0, limits=Limits(timeout_s=7.0)))
+    refuses("service did not start", serve, Settings(port=0, limits=Limits(timeout_s=7.0)))
 
 
 def test_settings_that_are_not_safe_do_not_start(configured: Configured) -> None:
-    with pytest.raises(InvalidInput, match="token is missing"):
-        serve(Settings(host="0.0.0.0", port=0))
+    refuses("token is missing", serve, Settings(host="0.0.0.0", port=0))
     assert configured.options == {}
     assert serving.KEEP_ALIVE_S == 75
