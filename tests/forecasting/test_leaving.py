@@ -12,6 +12,7 @@ from tests.support.refusals import refuses
 
 import tripwatt as tw
 from tripwatt.forecasting import Forecast
+from tripwatt.forecasting.forecast import with_empty_flag
 from tripwatt.forecasting.leaving import charge_with_spare, leave_with, leaving_with, soc_needed
 from tripwatt.population import for_car
 from tripwatt.trips import Departure
@@ -100,6 +101,8 @@ def test_an_empty_battery_is_told_by_what_it_lacks_and_where(model):
     assert early < middle < late < short.drive.distance_m[-1]
     (flag,) = [flag for flag in short.flags if flag.code == "battery_empty"]
     assert (flag.value, flag.unit) == (expected, "wh")
+    assert with_empty_flag(plenty) is plenty, "its cached values are kept"
+    assert with_empty_flag(replace(plenty, flags=(*plenty.flags, flag))).flags == plenty.flags
     assert "more than the battery holds" in message(flag)
     assert 0.0 <= short.p_arrive(RESERVE) <= short.p_arrive(0.0) < 0.5
     document = short.to_dict()

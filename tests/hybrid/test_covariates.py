@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from sklearn.linear_model import Ridge
-from tests.support.refusals import refusal
+from tests.support.refusals import refusal, refuses
 
 import tripwatt as tw
 from tripwatt.forecasting.inner import inner_fits
@@ -150,5 +150,4 @@ def test_names_that_are_wrong_are_told(trips, model):
     with pytest.raises(tw.InvalidInput, match="covariates: got the text 'traffic'; allowed: a list of names"):
         tw.fit(trips, CAR, covariates="traffic")
     for wrong in ("traffic", {"traffic": None}, {1: 1.0}, {"traffic": np.nan}):
-        with pytest.raises(tw.InvalidInput, match="wrong type: covariates"):
-            tw.Departure(covariates=wrong)
+        refuses("wrong type: covariates", tw.Departure, covariates=wrong)

@@ -10,6 +10,7 @@ from tripwatt.hybrid import (
     Identified,
     StageRecord,
     identify,
+    power_corrector,
     resimulated,
     segment_trips,
     stage_record,
@@ -302,6 +303,8 @@ def test_an_energy_from_the_charge_is_spread_evenly_again():
     plans = [Plan.from_trip(trip) for trip in known]
     table, fresh = segment_trips(known, BOOK), segment_trips(known, other)
     assert not table.energy_errors.along.any()
+    fitted = power_corrector("linear").fit(table)  # totals alone tell nothing of the shape
+    assert fitted.shape.tolist() == [0.0] * len(fitted.model.weights_)
     (again,) = resimulated(table, plans, [other])
     assert again.observed_power_w == pytest.approx(fresh.observed_power_w)
 

@@ -10,6 +10,7 @@ import pytest
 from tripwatt.hybrid import learning
 from tripwatt.hybrid.factors import NAMES, SDS, TripEvidence, drift_kept
 from tripwatt.hybrid.learning import KINDS, Experts
+from tripwatt.vehicles import load_vehicle
 
 P = len(NAMES)
 
@@ -149,7 +150,9 @@ def test_a_change_of_the_car_is_followed(rng) -> None:
     truth = np.zeros(P)
     before, after = trips(40, truth, rng, 0.3), trips(20, truth, rng, 0.3, day=30.0)
     more = replace(after, residual_wh=after.residual_wh + 0.12 * 3000.0)
-    _, seen = new().learn(before + more)
+    experts, seen = new().learn(before + more)
+    car = load_vehicle("vw_id3")
+    assert (experts.corrector(car).day, new().corrector(car).day) == (30.0, None)
     late = (more.residual_wh - seen.mean_wh[40:])[10:]
     assert np.abs(late.mean()) < 0.05 * 3000.0
 

@@ -102,6 +102,7 @@ class TestTripTable:
         made = self.made()
         assert made.digest() == self.made().digest()
         assert made.take([0, 1]).digest() != made.digest()
+        assert replace(made, covariates=made.covariates.iloc[::-1]).digest() != made.digest()
         slim = made.without_samples()
         assert all(len(t.samples) == 0 for t in slim.trips)
         assert slim.digest() == made.digest()
