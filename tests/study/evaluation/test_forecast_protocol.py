@@ -392,5 +392,8 @@ def test_notes_say_which_hold_outs_and_trips_are_left_out(fleet):
         assert LEAVE_ONE_DAY_OUT not in {hold_out.scheme for hold_out in found.hold_outs}
         few = "leave-one-day-out left out: too few trips remain without the fullest day"
         assert (few in dated.notes) != (LEAVE_ONE_DAY_OUT in {h.scheme for h in dated.hold_outs})
+    (left,) = [n for n in QUICK.prepare(fleet, None, i3, HoldOutChoice()).notes if "regimes left out" in n]
+    assert "time_split" not in left
+    assert "longer third" in left
     lost = f"none of the reference trips of the data set {fleet.name!r} is here"
     assert (lost in found.notes, lost in dated.notes) == (True, False)
