@@ -61,11 +61,6 @@ function dotsOf(forecast: Forecast, shared: Forecast[], reserveSoc: number): Dot
   return { data: [xs, kept, missed], from, to, stack: Math.max(...heights.values()), reserveInside };
 }
 
-/** The largest diameter with which all dots fit [px]. */
-function dotSize(width: number, height: number, stack: number): number {
-  return Math.min((width - 2 * PADDING) / COLUMNS - 1, (height - FRAME_PX) / stack - 1, LARGEST_DOT);
-}
-
 interface Props {
   forecast: Forecast;
   /** All forecasts of the card; they have the same axis. */
@@ -85,7 +80,12 @@ export function ArrivalChart({ forecast, shared, isOther = false, reserve, heigh
   const latest = useRef(dots); // options outlive the data
   latest.current = dots;
   const options = ({ palette, width }: Look): ChartOptions => {
-    const size = dotSize(width, height, dots.stack);
+    // the largest diameter with which all dots fit [px]
+    const size = Math.min(
+      (width - 2 * PADDING) / COLUMNS - 1,
+      (height - FRAME_PX) / dots.stack - 1,
+      LARGEST_DOT,
+    );
     const series = (fill: string): uPlot.Series => ({
       paths: () => null,
       points: { show: true, size, fill, stroke: fill, width: 0 },

@@ -288,11 +288,6 @@ function anchorOf([right, down]: Lean): string {
   return `${down > 0 ? "top" : "bottom"}-${right > 0 ? "left" : "right"}`;
 }
 
-/** Bounds in MapLibre's order. */
-function ordered([south, west, north, east]: Bounds): Bounds {
-  return [west, south, east, north];
-}
-
 export class RoadMap {
   private readonly map: Canvas;
   private readonly markers = new Map<Field, Marker>();
@@ -311,7 +306,10 @@ export class RoadMap {
       dragRotate: false,
       maxPitch: 0,
       zoom: START_ZOOM,
-      ...(bounds && { bounds: ordered(bounds), fitBoundsOptions: { padding: 28 } }),
+      ...(bounds && {
+        bounds: [bounds[1], bounds[0], bounds[3], bounds[2]], // west first
+        fitBoundsOptions: { padding: 28 },
+      }),
       transformRequest: (url) => ({ url, headers: headers() }),
       fadeDuration: 0,
     });

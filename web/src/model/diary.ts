@@ -1,6 +1,6 @@
 /** How good the forecasts of a car's trips were, and what makes their ranges wide. */
 
-import type { DiaryEntry } from "../api/documents";
+import type { DiaryEntry, OwnCar } from "../api/documents";
 
 /** Most trips of one figure, as the service has it for the last ones. */
 const MOST = 20;
@@ -51,4 +51,9 @@ export function reasonsOf(
     withoutAir: diary.filter((row) => row.ambient_temperature_degc === null).length,
     isYoung: learned < MOST,
   };
+}
+
+/** Whether the last trips were forecast better with what the car had learned than without. */
+export function isBetter({ latest, latest_by_book: book }: OwnCar): boolean {
+  return (latest.weighted_error ?? 1) < (book.weighted_error ?? 0);
 }

@@ -37,10 +37,6 @@ function alone(word: string): RegExp {
   return new RegExp(`(?<!${other})${escaped(word)}(?!${other})`, "gu");
 }
 
-function longestFirst(one: string, other: string): number {
-  return other.length - one.length;
-}
-
 export class Translator {
   private readonly patterns: readonly Pattern[];
   private readonly places: readonly (readonly [RegExp, string])[];
@@ -51,7 +47,7 @@ export class Translator {
       .map(patternOf)
       .sort((one, other) => other.letters - one.letters);
     this.places = Object.keys(messages.places)
-      .sort(longestFirst)
+      .sort((one, other) => other.length - one.length)
       .map((word) => [alone(word), messages.places[word] ?? word] as const);
   }
 

@@ -84,9 +84,10 @@ export const turn = computed(() => {
   const isLoop = pauseS === null && first && last && isSame(first, last);
   const at = pauseS !== null || isLoop ? journey.value?.roads[chosenRoad.value]?.stops.at(-1) : undefined;
   if (!at || !course.value) return null;
-  const { position_m, displayed_soc } = course.value;
+  const { position_m, time_s, displayed_soc } = course.value;
   const soc = interpolate(at.position_m, position_m, displayed_soc);
-  return { name: stops?.at(isLoop ? -2 : -1)?.name ?? "", positionM: at.position_m, soc, pauseS };
+  const atS = interpolate(at.position_m, position_m, time_s);
+  return { name: stops?.at(isLoop ? -2 : -1)?.name ?? "", positionM: at.position_m, soc, atS, pauseS };
 });
 
 /** Clock times of departure and arrival; without a chosen time, of a departure now. */

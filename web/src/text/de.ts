@@ -121,8 +121,6 @@ const de: Text = {
     plan: "Planen",
     leaveWith: (soc, expected, reserve) =>
       `Mit ${soc} oder mehr losfahren: Ankunft mit etwa ${expected}, bei 19 von 20 Fahrten mindestens ${reserve}.`,
-    wouldDo: (soc, expected, reserve) =>
-      `Auch ${soc} bei Abfahrt reichen: Ankunft mit etwa ${expected}, bei 19 von 20 Fahrten mindestens ${reserve}.`,
     justEnough: (soc) => `Mit ${soc} oder mehr losfahren.`,
     leaveWithout: (soc) => `Oder mit ${soc} losfahren und ohne Ladestopp ankommen.`,
     notEnough: "Auch eine volle Batterie reicht nicht: Laden Sie unterwegs.",
@@ -143,7 +141,8 @@ const de: Text = {
       `“ fahren und dort ${time} laden, von ${arrival} auf ${leave}; Ankunft dort${day && ` ${day}`} gegen ${clock}.`,
     chargeHere: "Zuerst hier laden: an „",
     forHere: (time, arrival, leave) => `“, ${time}, von ${arrival} auf ${leave}.`,
-    turn: (place, soc, pause) => `In ${place} etwa ${soc}${pause && `, nach ${pause} Pause zurück`}.`,
+    turn: (place, soc, at) => `In ${place} gegen ${at} mit ${soc}.`,
+    startBack: (at, day) => `Rückfahrt${day && ` ${day}`} gegen ${at}.`,
     moreStops: each({ one: "# weiterer Ladestopp", other: "# weitere Ladestopps" }),
     chargingStops: "Ladestopps",
     chargingPlans: "Ladepläne",
@@ -763,7 +762,8 @@ const de: Text = {
       near_32: "Verbrauch um 32 °C",
     },
     errorOfLast: each({ one: "Fehler der letzten Fahrt", other: "Fehler der letzten # Fahrten" }),
-    withoutTrips: (error) => `${error} ohne eigene Fahrten`,
+    withoutTrips: (error, helps) =>
+      `${error} ohne eigene Fahrten${helps ? "" : ": diese Fahrten verbessern die Prognose noch nicht, fügen Sie längere hinzu"}`,
     errorBefore: (trips, now, before, falls) =>
       `Die letzten ${trips}: ${now}, die ${trips} davor: ${before}. Der Fehler sinkt${falls ? "" : " nicht"}.`,
     whyWide: "Warum der Bereich breit ist und was hilft",

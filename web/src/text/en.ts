@@ -116,8 +116,6 @@ export const en = {
     plan: "Plan",
     leaveWith: (soc: string, expected: string, reserve: string) =>
       `Leave with ${soc} or more: about ${expected} on arrival, at least ${reserve} in 19 of 20 trips.`,
-    wouldDo: (soc: string, expected: string, reserve: string) =>
-      `Leaving with ${soc} would also do: about ${expected} on arrival, at least ${reserve} in 19 of 20 trips.`,
     justEnough: (soc: string) => `Leave with ${soc} or more.`,
     leaveWithout: (soc: string) => `Or leave with ${soc} and drive without a stop.`,
     notEnough: "Even a full battery is not enough: charge on the way.",
@@ -138,8 +136,8 @@ export const en = {
       `” and charge for ${time}, from ${arrival} to ${leave}; you are there${day && ` ${day}`} at about ${clock}.`,
     chargeHere: "Charge here first, at “",
     forHere: (time: string, arrival: string, leave: string) => `”, for ${time}, from ${arrival} to ${leave}.`,
-    turn: (place: string, soc: string, pause: string) =>
-      `At ${place} about ${soc}${pause && `, back after ${pause}`}.`,
+    turn: (place: string, soc: string, at: string) => `At ${place} at about ${at} with ${soc}.`,
+    startBack: (at: string, day: string) => `Start back${day && ` ${day}`} at about ${at}.`,
     moreStops: each({ one: "# more stop", other: "# more stops" }),
     chargingStops: "Charging stops",
     chargingPlans: "Charging plans",
@@ -765,7 +763,8 @@ export const en = {
       near_32: "consumption around 32 °C",
     },
     errorOfLast: each({ one: "Error of the last trip", other: "Error of the last # trips" }),
-    withoutTrips: (error: string) => `${error} without its own trips`,
+    withoutTrips: (error: string, helps: boolean) =>
+      `${error} without its own trips${helps ? "" : ": these trips do not improve the forecast yet, add longer ones"}`,
     errorBefore: (trips: number, now: string, before: string, falls: boolean) =>
       `The last ${trips}: ${now}, the ${trips} before: ${before}. The error ${falls ? "falls" : "does not fall"}.`,
     whyWide: "Why the range is wide, and what helps",

@@ -198,10 +198,6 @@ function removeVia(at: number): void {
   });
 }
 
-function addVia(): void {
-  vias.value = [...vias.value, null];
-}
-
 /** Drive back after a pause [s]; null to stay. */
 function setPause(nextS: number | null): void {
   pauseS.value = nextS;
@@ -225,7 +221,9 @@ export function JourneyForm() {
           checked={pauseS.value !== null}
           onChange={(checked) => setPause(checked ? 0 : null)}
         />
-        {vias.value.length < MOST_STOPS - 2 && <Button class="link" onClick={addVia} label={words.addVia} />}
+        {vias.value.length < MOST_STOPS - 2 && (
+          <Button class="link" onClick={() => (vias.value = [...vias.value, null])} label={words.addVia} />
+        )}
         {pauseS.value !== null && (
           <NumberField
             label={words.pause}

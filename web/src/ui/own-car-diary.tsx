@@ -1,7 +1,7 @@
 /** What a car has learned, before and after, and its diary: each trip as it was forecast, and what it took. */
 
 import type { DiaryEntry, OwnCar } from "../api/documents";
-import { reasonsOf, type Trend, trendOf } from "../model/diary";
+import { isBetter, reasonsOf, type Trend, trendOf } from "../model/diary";
 import { ENERGY, PERCENT } from "../model/units";
 import { format, text, units } from "../state/preferences";
 import { DataTable } from "./data-table";
@@ -241,7 +241,8 @@ function Line({ of: { course } }: { of: Trend }) {
 }
 
 /** What the own trips gain: the error of the last ones with them and without them, and whether it falls. */
-function Gain({ of: { latest, latest_by_book: book, diary } }: { of: OwnCar }) {
+function Gain({ of }: { of: OwnCar }) {
+  const { latest, latest_by_book: book, diary } = of;
   const { ownCars: words } = text.value;
   const trend = trendOf(diary);
   const { trips, before, latest: now } = trend;
@@ -254,7 +255,7 @@ function Gain({ of: { latest, latest_by_book: book, diary } }: { of: OwnCar }) {
           {format.value.figure(PERCENT.from(latest.weighted_error), 1)}
           <small>{PERCENT.unit}</small>
         </span>
-        <span class="range">{words.withoutTrips(percent(book.weighted_error))}</span>
+        <span class="range">{words.withoutTrips(percent(book.weighted_error), isBetter(of))}</span>
       </p>
       {trend.course.length > 1 && <Line of={trend} />}
       {before !== null && now !== null && (

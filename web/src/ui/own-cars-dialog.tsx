@@ -3,6 +3,7 @@
 import { useState } from "preact/hooks";
 import type { OwnCar } from "../api/documents";
 import { storedToken } from "../api/client";
+import { isBetter } from "../model/diary";
 import { senderAddress, viewAddress } from "../model/to-phone";
 import { car } from "../state/car";
 import {
@@ -100,13 +101,12 @@ function Shown({ of }: { of: OwnCar }) {
   const [asks, setAsks] = useState(false);
   const { ownCars: words } = text.value;
   const isUsed = car.value?.own === of.name;
-  const isBetter = (of.latest.weighted_error ?? 1) < (of.latest_by_book.weighted_error ?? 0);
   return (
     <>
       <p class="note">{of.title}</p>
       <div class="actions start">
         <Button
-          class={isUsed || !isBetter || logs.value?.car === of.name ? "" : "primary"}
+          class={isUsed || !isBetter(of) || logs.value?.car === of.name ? "" : "primary"}
           disabled={isUsed}
           onClick={() => {
             useCar(of);

@@ -53,6 +53,8 @@ const NEAR_M = 10_000;
 
 /** A smaller charge is 0 % as it is shown. */
 const SHOWN_SOC = 0.005;
+/** Less charge to leave with is told from this on. */
+const FEW_SOC = 0.05;
 
 /** The reason of a verdict that would be good if the heights of the road were known. */
 const HEIGHTS = "unknown_heights";
@@ -205,9 +207,10 @@ function leaveText(needed: number, of: Forecast): string {
   if (needed > 1) return words.notEnough;
   if (needed <= 0) return words.anyCharge(left);
   if (isStuck.value) return words.chargeFirst(upwards(needed));
-  if (upwards(needed) === upwards(now)) return words.justEnough(upwards(needed));
+  const isClose = upwards(needed) === upwards(now) || (needed < now && now - needed < FEW_SOC);
+  if (isClose) return words.justEnough(upwards(now));
   const expected = shown(Math.max(needed - now + socFromEnergy(of, of.energy_wh), 0), PERCENT);
-  return (now < needed ? words.leaveWith : words.wouldDo)(upwards(needed), expected, left);
+  return words.leaveWith(upwards(needed), expected, left);
 }
 
 /** Whether the trip does not arrive, and no charging stop helps. */
@@ -215,6 +218,12 @@ const isStuck = computed(() => {
   const now = answer.value;
   return now !== null && trip.value?.stops != null && now.charges === 0 && verdictOfAnswer(now) === "bad";
 });
+
+/** Clock time and day, so long after the departure. */
+function clockAfter(s: number): [string, string] {
+  const leaves = clock.value?.leaves ?? new Date();
+  return clockParts(new Date(leaves.getTime() + s * 1000), leaves);
+}
 
 /** Drive so far, charge so long. */
 function StopText({ of, fromM }: { of: Stop; fromM: number }) {
@@ -224,8 +233,7 @@ function StopText({ of, fromM }: { of: Stop; fromM: number }) {
   const farM = of.position_m - fromM;
   const far = shown(farM, units.value.distance, farM < NEAR_M ? 1 : 0);
   const [arrival = "", leave = ""] = [of.soc_arrival, of.soc_leave].map((soc) => shown(soc, PERCENT));
-  const leaves = clock.value?.leaves ?? new Date();
-  const at = clockParts(new Date(leaves.getTime() + of.arrives_after_s * 1000), leaves);
+  const at = clockAfter(of.arrives_after_s);
   const isHere = of.position_m < HERE_M;
   return (
     <>
@@ -290,7 +298,7 @@ function ToDo({ of }: { of: Forecast }) {
   const isLow = departsAt === null && soc < Math.max(reserve, LOW_SOC);
   const leaves = needed !== undefined && (!plan || (needed <= 1 && !isLow));
   const back = turn.value;
-  const { shown, span } = format.value;
+  const { shown } = format.value;
   const helps = advice.value?.singly.filter(({ whole }) => isStuck.value && whole && whole.charges > 0) ?? [];
   const [best] = helps.sort((one, other) => other.p_arrive - one.p_arrive);
   const texts = [
@@ -303,7 +311,8 @@ function ToDo({ of }: { of: Forecast }) {
       speed !== null &&
       speed > 0 &&
       (plan ? words.atMostWithout : words.atMost)(format.value.shown(speed, units.value.speed, 0)),
-    back && words.turn(back.name, shown(back.soc, PERCENT), back.pauseS ? span(back.pauseS) : ""),
+    back && words.turn(back.name, shown(back.soc, PERCENT), clockAfter(back.atS)[0]),
+    back?.pauseS && words.startBack(...clockAfter(back.atS + back.pauseS)),
   ];
   return (
     <ul class={`journey-answer todo${isOld ? " old" : ""}`} aria-busy={isOld}>
