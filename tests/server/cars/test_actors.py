@@ -327,7 +327,7 @@ class Actors(RuleBasedStateMachine):
                 car = self.live.by_token(entity.token)
                 assert car.name == entity.name
                 sample = Sample(time_s, {"speed_m_s": 15.0})
-                done = self.loop.run_until_complete(self.live.take(car, sample))
+                done = self.loop.run_until_complete(self.live.take(car, lambda: sample))
             except (Problem, InvalidInput):
                 assert not entity.sound
             else:

@@ -18,7 +18,7 @@ from tripwatt.server.cars.car import Car
 from tripwatt.server.cars.car_file import row_of_log
 from tripwatt.server.cars.folder import create_car
 from tripwatt.server.cars.live_trip import SILENCE_S, STANDING_S
-from tripwatt.server.cars.plan import NEAR_S, LivePlan, usual_departure, usual_plan
+from tripwatt.server.cars.plan import NEAR_S, LivePlan, usual_departure
 from tripwatt.server.cars.telemetry import Sample
 from tripwatt.study.synthetic import synthetic_fleet
 from tripwatt.trips import Departure, Log, Plan
@@ -134,8 +134,8 @@ def test_a_trip_is_driven_again_by_its_name(tmp_path: Path) -> None:
     log = synthetic_fleet(1, seed=5).logs[0]
     with car.file.write() as db:
         db.put_logs([row_of_log(log)])
-    plan = usual_plan(car, log.trip_id)
+    plan = car.usual_plan(log.trip_id)
     assert (plan.trip_id, plan.departure) == (log.trip_id, Departure())
     assert plan.array("speed_m_s").tolist() == Plan.from_trip(log).array("speed_m_s").tolist()
-    found = refusal(usual_plan, car, "nothing")
+    found = refusal(car.usual_plan, "nothing")
     assert found == "no such trip: trip: got nothing; allowed: a sound trip of the car leaf"

@@ -295,7 +295,7 @@ def advise(
     >>> road = tw.read_route([{"length_m": 30_000.0, "speed_m_s": 20.0}])
     >>> cold = tw.advise(road, tw.Departure(soc=0.8, ambient_temperature_degc=-5.0, extras=("roof_box",)))
     >>> cold.least, [advised.actions[0].code for advised in cold.singly][:2]
-    ((), ['no_roof_box', 'preheat_cabin'])
+    ((), ['no_roof_box', 'setpoint'])
     """
     require_fraction("reserve", reserve)
     require_fraction("probability", probability, 0.5)
