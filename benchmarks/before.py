@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from operator import attrgetter
 from pathlib import Path
 from typing import Any, Final
@@ -200,7 +200,7 @@ def _scores(
     for name in (DRIVEN, PLANNED, ELSEWHERE):
         bounds = np.array([[each[name].interval(level) for level in LEVELS] for each in made])
         known[name] = {
-            **asdict(summarise_errors(observed, table[name].to_numpy(np.float64), seed)),
+            **summarise_errors(observed, table[name].to_numpy(np.float64), seed),
             **coverage_by_level(observed, bounds[:, :, 0], bounds[:, :, 1]),
             "arrival": [_arrived(observed, [each[name].quantile(p) for each in made], p) for p in CHANCES],
         }

@@ -58,10 +58,10 @@ def measure() -> None:
         model = correctors.gamm(**settings)
         energy = model.predict_held_out(table, np.arange(len(table)))[table.last_rows]
         errors = summarise_errors(observed, energy, 0)
-        low, high = errors.mape_ci95
+        low, high = errors["mape_ci95"]
         print(
-            f"| {name} | {100 * errors.mape:.1f} | {100 * low:.1f} to {100 * high:.1f} | {100 * errors.median_ape:.1f} "
-            f"| {100 * errors.max_ape:.1f} |",
+            f"| {name} | {100 * errors['mape']:.1f} | {100 * low:.1f} to {100 * high:.1f} | {100 * errors['median_ape']:.1f} "
+            f"| {100 * errors['max_ape']:.1f} |",
             flush=True,
         )
 

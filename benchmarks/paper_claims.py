@@ -380,7 +380,7 @@ def accuracy(table: TripTable, energies: Mapping[tuple[str, str | None], FloatAr
             else np.mean(errors < absolute_percentage_error(observed, alone))
         )
         rows.append(
-            {"model": model, "simulation": simulation, **asdict(summarise_errors(observed, predicted, 0))}
+            {"model": model, "simulation": simulation, **summarise_errors(observed, predicted, 0)}
             | {"spread": float(errors.std()), "improved_share": None if improved is None else float(improved)}
         )
     return rows
@@ -540,7 +540,7 @@ def simulations(table: TripTable) -> Iterator[dict[str, Any]]:
     observed = table.observed_wh[table.last_rows]
     for name in (SIMULATION, *changed_cars()):
         found = summarise_errors(observed, table.simulated(name)[table.last_rows], 0)
-        yield {"simulation": name, "mape": found.mape, "bias": found.bias}
+        yield {"simulation": name, "mape": found["mape"], "bias": found["bias"]}
 
 
 def seasons(table: TripTable) -> Iterator[dict[str, Any]]:

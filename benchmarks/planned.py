@@ -105,12 +105,7 @@ def scores(trips: Sequence[Trip], made: Sequence[Forecast], driven: Sequence[For
     ape = absolute_percentage_error(observed_wh, energy)
     worse = ape - absolute_percentage_error(observed_wh, base)
     return {
-        "mape": error.mape,
-        "mape_ci95": error.mape_ci95,
-        "median_ape": error.median_ape,
-        "max_ape": error.max_ape,
-        "bias": error.bias,
-        "rmse_wh": error.rmse_wh,
+        **error,
         "mape_more_than_driven": float(worse.mean()),
         "mape_more_than_driven_ci95": bootstrap_interval(worse, SEED),
         "mape_after_half": float(absolute_percentage_error(observed_wh, updated(trips, made)).mean()),

@@ -27,13 +27,13 @@ APE = np.array([0.1, 0.25, 0.2, 0.01, 0.25])
 def test_errors_of_a_model():
     summary = summarise_errors(OBSERVED, PREDICTED, seed=0)
     np.testing.assert_allclose(absolute_percentage_error(OBSERVED, PREDICTED), APE, rtol=1e-12)
-    assert summary.mape == pytest.approx(0.81 / 5, **EXACT)
-    assert summary.median_ape == pytest.approx(0.2, **EXACT)
-    assert summary.max_ape == pytest.approx(0.25, **EXACT)
+    assert summary["mape"] == pytest.approx(0.81 / 5, **EXACT)
+    assert summary["median_ape"] == pytest.approx(0.2, **EXACT)
+    assert summary["max_ape"] == pytest.approx(0.25, **EXACT)
     # positive where the model says too much: 0.1 - 0.25 + 0.2 + 0.01, and a descent that gave back 200 Wh
-    assert summary.bias == pytest.approx((0.1 - 0.25 + 0.2 + 0.01 - 0.25) / 5, **EXACT)
-    assert summary.rmse_wh == pytest.approx(np.sqrt((1e4 + 25e4 + 1e4 + 1600 + 2500) / 5), **EXACT)
-    assert summary.mape_ci95 == bootstrap_interval(APE, 0)
+    assert summary["bias"] == pytest.approx((0.1 - 0.25 + 0.2 + 0.01 - 0.25) / 5, **EXACT)
+    assert summary["rmse_wh"] == pytest.approx(np.sqrt((1e4 + 25e4 + 1e4 + 1600 + 2500) / 5), **EXACT)
+    assert summary["mape_ci95"] == bootstrap_interval(APE, 0)
 
 
 def test_the_bootstrap_draws_trips():

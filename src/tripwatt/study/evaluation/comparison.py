@@ -141,8 +141,8 @@ class Comparison:
             errors = summarise_errors(observed, predicted, seed)
             if len(self.hold_out.tested) > len(self.hold_out.scored):  # over trips, not over splits
                 ape = self.ape(name)
-                errors = replace(errors, mape=float(ape.mean()), mape_ci95=bootstrap_interval(ape, seed))
-            models[name] = asdict(errors) | {
+                errors |= {"mape": float(ape.mean()), "mape_ci95": bootstrap_interval(ape, seed)}
+            models[name] = errors | {
                 "improved_share": {
                     base: float(np.mean(self.ape(name) < self.ape(base)))
                     for base in PHYSICS_ALONE

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 from scipy import stats
@@ -20,36 +20,6 @@ SIGNIFICANCE_SEEDS: Final = 40
 NEAR: Final = 0.1
 """Share of an interval's width; an interval that ends farther than this from 0 excludes 0 for any seed, since seeds
 move its ends by about a hundredth of its width."""
-
-
-@dataclass(frozen=True, slots=True)
-class ErrorSummary:
-    """Summary of a model's errors over trips.
-
-    Attributes
-    ----------
-    mape, median_ape, max_ape : float
-        Mean, median and largest absolute percentage error, as fractions.
-    mape_ci95 : tuple of float
-        95 % percentile bootstrap interval of the mean over trips.
-    bias : float
-        Mean of (predicted - observed) / observed.
-    rmse_wh : float
-        Root mean square of predicted minus observed energy [Wh].
-
-    Examples
-    --------
-    >>> errors = summarise_errors(np.array([1000.0, 2000.0]), np.array([1100.0, 1900.0]), seed=0)
-    >>> round(errors.mape, 3), round(errors.bias, 3), errors.rmse_wh
-    (0.075, 0.025, 100.0)
-    """
-
-    mape: float
-    mape_ci95: tuple[float, float]
-    median_ape: float
-    max_ape: float
-    bias: float
-    rmse_wh: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -121,7 +91,7 @@ def bootstrap_interval(
     return round(float(interval.low), 12), round(float(interval.high), 12)
 
 
-def summarise_errors(observed_wh: FloatArray, predicted_wh: FloatArray, seed: int) -> ErrorSummary:
+def summarise_errors(observed_wh: FloatArray, predicted_wh: FloatArray, seed: int) -> dict[str, Any]:
     """Summarise the errors at the end of the trips.
 
     Parameters
@@ -135,24 +105,27 @@ def summarise_errors(observed_wh: FloatArray, predicted_wh: FloatArray, seed: in
 
     Returns
     -------
-    ErrorSummary
-        Relative errors as fractions.
+    dict
+        `mape`, `median_ape` and `max_ape`: mean, median and largest absolute percentage error, as fractions; `mape_ci95`:
+        95 % percentile bootstrap interval of the mean over trips; `bias`: mean of (predicted - observed) / observed;
+        `rmse_wh`: root mean square of predicted minus observed energy [Wh].
 
     Examples
     --------
-    >>> round(summarise_errors(np.array([1000.0, 2000.0]), np.array([1100.0, 1800.0]), seed=0).max_ape, 3)
-    0.1
+    >>> errors = summarise_errors(np.array([1000.0, 2000.0]), np.array([1100.0, 1900.0]), seed=0)
+    >>> round(errors["mape"], 3), round(errors["bias"], 3), errors["rmse_wh"]
+    (0.075, 0.025, 100.0)
     """
     ape = absolute_percentage_error(observed_wh, predicted_wh)
     error = predicted_wh - observed_wh
-    return ErrorSummary(
-        mape=float(ape.mean()),
-        mape_ci95=bootstrap_interval(ape, seed),
-        median_ape=float(np.median(ape)),
-        max_ape=float(ape.max()),
-        bias=float(np.mean(error / observed_wh)),
-        rmse_wh=float(np.sqrt(np.mean(error**2))),
-    )
+    return {
+        "mape": float(ape.mean()),
+        "mape_ci95": bootstrap_interval(ape, seed),
+        "median_ape": float(np.median(ape)),
+        "max_ape": float(ape.max()),
+        "bias": float(np.mean(error / observed_wh)),
+        "rmse_wh": float(np.sqrt(np.mean(error**2))),
+    }
 
 
 def paired_difference(

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from typing import Any, Final
 
 import numpy as np
@@ -247,18 +247,14 @@ def _scores(
     table: TripTable, folds: Mapping[int, FoldResult], simulation: str | None, seed: int
 ) -> dict[str, Any]:
     """Score one model from its folds; the share of improved trips is None for a simulation alone or without one."""
-    last = table.last_rows
-    observed, simulated, predicted = (
-        table.observed_wh[last],
-        table.simulated(simulation)[last],
-        np.empty(len(table)),
-    )
+    last, predicted = table.last_rows, np.empty(len(table))
+    observed, simulated = table.observed_wh[last], table.simulated(simulation)[last]
     for result in folds.values():
         predicted[result.split.test] = result.predicted_wh
     errors = (absolute_percentage_error(observed, energy_wh) for energy_wh in (predicted, simulated))
     improved = np.mean(np.less(*errors))
     is_simulation = simulation is None or np.array_equal(predicted, simulated)
-    return asdict(summarise_errors(observed, predicted, seed)) | {
+    return summarise_errors(observed, predicted, seed) | {
         "simulation": simulation,
         "improved_share": None if is_simulation else float(improved),
         **median_times(list(folds.values())),
