@@ -24,17 +24,6 @@ from tripwatt.study.evaluation.tasks import FoldResult, ModelSpec
 
 T = TypeVar("T")
 
-FOLD_COLUMNS: Final = (
-    "scheme",
-    "trips",
-    "trip",
-    "model",
-    "observed_energy_wh",
-    "simulated_energy_wh",
-    "correction_wh",
-    "predicted_energy_wh",
-    "ape",
-)
 PHYSICS_ALONE: Final = ("physics-paper", "physics")
 """Models that are a simulation alone; the share of improved trips is relative to them."""
 
@@ -103,7 +92,7 @@ class Comparison:
 
     @cached_property
     def frame(self) -> pd.DataFrame:
-        """Table with `FOLD_COLUMNS`: one row for each model, scored trip and split that scores it."""
+        """The content of `folds.csv`: one row for each model, scored trip and split that scores it."""
         table, scored = self.hold_out.table, self.hold_out.tested
         last = table.last_rows[scored]
         observed = table.observed_wh[last]
@@ -120,7 +109,7 @@ class Comparison:
                 "predicted_energy_wh": predicted,
                 "ape": absolute_percentage_error(observed, predicted),
             }
-            frames.append(pd.DataFrame(columns, columns=list(FOLD_COLUMNS)))
+            frames.append(pd.DataFrame(columns))
         return pd.concat(frames, ignore_index=True)
 
     def rows_of(self, model: str) -> pd.DataFrame:

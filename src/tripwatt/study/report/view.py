@@ -5,18 +5,14 @@ from __future__ import annotations
 import unicodedata
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 import pandas as pd
 
 from tripwatt.files import shipped_toml
 from tripwatt.study.evaluation import DEFAULT_PROTOCOL, PROTOCOLS, EvaluationProtocol
-from tripwatt.study.evaluation.comparison import FOLD_COLUMNS
 from tripwatt.study.paper.insight import GammInsight
 from tripwatt.study.report.model_styles import in_table_order, model_style
-
-if TYPE_CHECKING:
-    pass
 
 Record = Mapping[str, Any]
 
@@ -76,7 +72,7 @@ class View:
     """
 
     results: Record
-    folds: pd.DataFrame = field(default_factory=lambda: pd.DataFrame(columns=list(FOLD_COLUMNS)))
+    folds: pd.DataFrame = field(default_factory=lambda: pd.DataFrame(columns=["scheme", "trips", "model"]))
     gamm: GammInsight | None = None
 
     @property
@@ -112,8 +108,7 @@ class View:
     @property
     def scores(self) -> Mapping[str, Record]:
         """Scores of the main evaluation by model."""
-        models: Mapping[str, Record] = self.main.get("models") or {}
-        return models
+        return self.main.get("models") or {}
 
     @property
     def models(self) -> list[str]:
