@@ -12,18 +12,7 @@ COVARIATES: Final[Mapping[str, str]] = {
     "ambient_temperature_degc": "ambient temperature",
     "elevation_difference_m": "elevation difference",
 }
-"""Column of a covariate -> words."""
-
-
-def covariate_words(name: str) -> str:
-    """Return the name of a covariate in words; a column without an entry keeps its name.
-
-    Examples
-    --------
-    >>> covariate_words("time_s"), covariate_words("season")
-    ('time', 'season')
-    """
-    return COVARIATES.get(name, name)
+"""Column of a covariate -> words; a column without an entry keeps its name."""
 
 
 def term_in_words(term: str) -> str:
@@ -41,4 +30,4 @@ def term_in_words(term: str) -> str:
     if term.startswith("weather"):
         return f"weather: {term.removeprefix('weather')}"
     spaced = re.sub(r",(?=\S)", ", ", re.sub(r":season(?=\w)", ":", term))
-    return re.sub(r"[a-z_]+", lambda match: covariate_words(match[0]), spaced)
+    return re.sub(r"[a-z_]+", lambda match: COVARIATES.get(match[0], match[0]), spaced)
