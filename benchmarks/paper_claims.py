@@ -65,10 +65,8 @@ def reference_table() -> TripTable:
     folder = tum_folder()
     if folder is None:
         raise SystemExit("the TUM trips are not at hand: set TRIPWATT_DATA")
-    (nearest,) = (form.overrides for form in FORMS if form.name == NEAREST)
-    cars = {
-        name: load_vehicle("bmw_i3_60ah", "paper", o) for name, o in ((SIMULATION, {}), (NEAREST, nearest))
-    }
+    overrides = {SIMULATION: {}, NEAREST: FORMS[NEAREST][1]}
+    cars = {name: load_vehicle("bmw_i3_60ah", "paper", values) for name, values in overrides.items()}
     return build_table(read_logs(folder, "tum").reference_trips(), cars | changed_cars())
 
 

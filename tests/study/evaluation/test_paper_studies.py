@@ -53,7 +53,7 @@ def hold_out(table, trips="reference", scheme="leave_one_trip_out"):
 
 def test_forms_change_what_their_titles_state_and_nothing_else():
     cars = simulation_forms(CarChoice("bmw_i3_60ah"))
-    assert list(cars) == [form.name for form in FORMS]
+    assert list(cars) == list(FORMS)
     paper = load_vehicle("bmw_i3_60ah", "paper")
     for name, car in cars.items():
         assert car.climate is None, name
@@ -95,7 +95,7 @@ def test_other_cars_have_no_forms_and_given_values_stay():
 def test_studies_follow_the_models_of_the_table():
     assert study_models(["linear4", "physics"]) == ()
     names = {model.name for model in study_models(["physics-paper", "forest"])}
-    assert names == {*(form.name for form in FORMS), "forest-brochure"}
+    assert names == {*FORMS, "forest-brochure"}
     names = {model.name for model in study_models(["boosting", "boosting-only"])}
     assert names == {"boosting-exchangeable", "boosting-ar1"}
     assert {model.name for model in study_models(["gamm"])} == {"gamm-ar1"}
@@ -127,7 +127,7 @@ def test_a_run_on_reference_trips_scores_the_forms(fleet):
     assert (found["trips"], found["n_trips"], found["nearest"]) == ("reference", 9, NEAREST)
     assert found["trips_needed"] is None
     assert found["choices"] == {}
-    assert set(found["models"]) == {"physics-paper", *(form.name for form in FORMS)}
+    assert set(found["models"]) == {"physics-paper", *FORMS}
     table = run.results["evaluations"][0]["models"]["physics-paper"]
     own = found["models"]["physics-paper"]
     assert (own["mape"], own["mape_ci95"], own["improved_share"]) == (table["mape"], table["mape_ci95"], None)

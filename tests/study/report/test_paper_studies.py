@@ -71,10 +71,10 @@ def test_forms_are_compared_with_the_papers_simulation(results: dict) -> None:
 
 
 def test_options_have_their_error_and_the_choice(results: dict) -> None:
-    table = paper_studies.correlations_table(View(results))
+    table = paper_studies.choice_table(View(results), "boosting-chosen")
     assert [row[1] for row in table.rows] == ["10.0", "12.0", "15.0", "10.5", "10.3"]
     assert [row[5] for row in table.rows] == ["58", "–", "–", "–", "–"]
-    table = paper_studies.gamm_errors_table(View(results))
+    table = paper_studies.choice_table(View(results), "gamm-chosen")
     assert [row[5] for row in table.rows] == ["8", "50", "–", "–"]
 
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any, Final
 
 import numpy as np
@@ -48,39 +48,24 @@ CONSTANT_EFFICIENCY: Final[Mapping[str, float | str]] = {
 to wheel and its reciprocal for braking, instead of the loss maps."""
 
 
-@dataclass(frozen=True, slots=True)
-class SimulationForm:
-    """A published form of the simulation: values that differ from the preset `paper`."""
-
-    name: str
-    title: str
-    overrides: Mapping[str, float | str]
-
-
-FORMS: Final = (
-    SimulationForm(
-        "physics-no-auxiliaries", "paper preset without auxiliary loads (base load of 300 W)", NO_AUXILIARIES
-    ),
-    SimulationForm(
-        "physics-idle", "published drag, rolling resistance and mass; base load of 300 W", BROCHURE
-    ),
-    SimulationForm(
-        "physics-brochure",
+FORMS: Final[Mapping[str, tuple[str, Mapping[str, float | str]]]] = {
+    "physics-no-auxiliaries": ("paper preset without auxiliary loads (base load of 300 W)", NO_AUXILIARIES),
+    "physics-idle": ("published drag, rolling resistance and mass; base load of 300 W", BROCHURE),
+    "physics-brochure": (
         "published drag, rolling resistance and mass; no auxiliary loads",
         {**BROCHURE, **NO_AUXILIARIES},
     ),
-    SimulationForm(
-        "physics-textbook",
+    "physics-textbook": (
         f"quasi-static, efficiency {EFFICIENCY:g}; published drag, rolling resistance and mass; no auxiliary loads",
         {**BROCHURE, **NO_AUXILIARIES, **CONSTANT_EFFICIENCY},
     ),
-    SimulationForm(
-        "physics-textbook-energy",
+    "physics-textbook-energy": (
         "the same; half of the braking energy, not of the braking power, returns to the battery",
         {**BROCHURE, **NO_AUXILIARIES, **CONSTANT_EFFICIENCY, "regeneration.fraction": 0.5 / EFFICIENCY},
     ),
-)
-"""Forms of the paper's simulation; like the paper's own, all are without climate control."""
+}
+"""Name of each published form of the paper's simulation -> title, and values that differ from the preset `paper`. Like the
+paper's own, all are without climate control."""
 
 NEAREST: Final = "physics-brochure"
 """Form of the simulation whose error on the reference trips is nearest to the paper's; correctors are also run on it."""
@@ -93,7 +78,7 @@ def _study_model(name: str, title: str, make: Callable[..., EnergyModel], **sett
 
 
 SIMULATIONS: Final = tuple(
-    _study_model(form.name, form.title, physics, simulation=form.name) for form in FORMS
+    _study_model(name, title, physics, simulation=name) for name, (title, _) in FORMS.items()
 )
 ON_NEAREST: Final = tuple(
     _study_model(f"{name}-brochure", f"{title} on {NEAREST}", make, simulation=NEAREST)
@@ -178,7 +163,7 @@ def simulation_forms(car: CarChoice) -> dict[str, Vehicle]:
     """Return the car under each form of the simulation, by name; empty for any other car than the paper's."""
     if car.name != PAPER_CAR:
         return {}
-    return {form.name: car.load("paper", form.overrides) for form in FORMS}
+    return {name: car.load("paper", overrides) for name, (_, overrides) in FORMS.items()}
 
 
 def studies(main: Comparison, further: Sequence[Comparison], seed: int) -> dict[str, Any]:

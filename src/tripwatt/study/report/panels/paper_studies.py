@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
 from typing import Final
 
 from matplotlib.figure import Figure
 
-from tripwatt.study.evaluation.paper_studies import CORRELATIONS, CURVE_MODELS, FORMS, GAMM_ERRORS
+from tripwatt.study.evaluation.paper_studies import CHOICES, CURVE_MODELS, FORMS
 from tripwatt.study.paper.correctors import SIMULATION
 from tripwatt.study.report.model_styles import model_style
 from tripwatt.study.report.panel import Panel
@@ -18,13 +17,18 @@ from tripwatt.study.report.words import points
 
 CORRECTORS: Final = ("gamm", "forest", "boosting")
 """The paper's correctors, in the order of its Table 3."""
+CAPTIONS: Final = {
+    "boosting-chosen": "Boosting by its working correlation",
+    "gamm-chosen": "The GAMM by the model of its errors",
+}
+"""Name of a choice inside the fold -> caption of the table of its variants."""
 
 
 def panels(view: View) -> list[Panel]:
     """Return the panels of the studies and of the trips that the hybrid needs; none if the run had no studies."""
     if not view.results.get("studies"):
         return []
-    tables = forms_table(view), improved_table(view), correlations_table(view), gamm_errors_table(view)
+    tables = forms_table(view), improved_table(view), *(choice_table(view, name) for name in CAPTIONS)
     shown = [Panel("paper-studies", "Variants of the paper's models", tables=tables)]
     if view.results["studies"].get("trips_needed"):
         caption = "Means over random draws of training trips, scored on all other trips."
@@ -33,15 +37,10 @@ def panels(view: View) -> list[Panel]:
     return shown
 
 
-def study_scores(view: View) -> Mapping[str, Record]:
-    """Return the scores, by name, of the studies' models and of the table's models on the same trips."""
-    return (view.results.get("studies") or {}).get("models") or {}
-
-
 def forms_table(view: View) -> Table:
     """Tabulate the errors of every form of the simulation beside the paper's error."""
-    scores, target = study_scores(view), view.published[SIMULATION]
-    rows = [scores[name] for name in (SIMULATION, *(form.name for form in FORMS)) if name in scores]
+    scores, target = view.results["studies"]["models"], view.published[SIMULATION]
+    rows = [scores[name] for name in (SIMULATION, *FORMS) if name in scores]
     paper = {"title": "the paper's simulation", "mape": target}
     return make_table(
         "Simulation alone, without climate control",
@@ -57,7 +56,7 @@ def forms_table(view: View) -> Table:
 
 def improved_table(view: View) -> Table:
     """Tabulate the correctors on the table's simulation and on the nearest form, with the share of trips that they improve."""
-    scores = study_scores(view)
+    scores = view.results["studies"]["models"]
     names = [*CORRECTORS, *(f"{name}-brochure" for name in CORRECTORS)]
     others = int(view.results["studies"]["n_trips"]) - 1
     return make_table(
@@ -74,25 +73,13 @@ def improved_table(view: View) -> Table:
     )
 
 
-def correlations_table(view: View) -> Table:
-    """Tabulate the boosting under each working correlation, and with the choice inside the fold."""
-    names = ["boosting", *(model.name for model in CORRELATIONS), "boosting-chosen"]
-    return _options(view, names, "Boosting by its working correlation")
-
-
-def gamm_errors_table(view: View) -> Table:
-    """Tabulate the GAMM with independent Student's t errors, with AR(1) errors, and with the choice inside the fold."""
-    names = ["gamm", *(model.name for model in GAMM_ERRORS), "gamm-chosen"]
-    return _options(view, names, "The GAMM by the model of its errors")
-
-
-def _options(view: View, names: Sequence[str], caption: str) -> Table:
-    """Tabulate variants of a model, the last of which is chosen inside the fold, and the paper's error of the first."""
-    scores = study_scores(view)
-    chosen = view.results["studies"]["choices"].get(names[-1], {})
-    rows = [{**scores[name], "chosen": chosen.get(name)} for name in names if name in scores]
+def choice_table(view: View, choice: str) -> Table:
+    """Tabulate the variants of a model, that of `CHOICES` which is chosen inside the fold, and the paper's error of the first."""
+    scores, names = view.results["studies"]["models"], CHOICES[choice]
+    chosen = view.results["studies"]["choices"].get(choice, {})
+    rows = [{**scores[name], "chosen": chosen.get(name)} for name in (*names, choice) if name in scores]
     return make_table(
-        caption,
+        CAPTIONS[choice],
         [*rows, {"title": "the paper", "mape": view.published[names[0]]}],
         Column("Model", "title"),
         in_percent("Mean error [%]", "mape"),
