@@ -6,7 +6,7 @@ import copy
 import inspect
 import pickle
 import secrets
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, Final, Protocol
 
@@ -17,7 +17,7 @@ from tripwatt.errors import InvalidInput
 from tripwatt.hybrid import Corrector
 from tripwatt.hybrid.outside import is_regressor, require_fitting
 from tripwatt.learners.outside import checked
-from tripwatt.study.evaluation.hold_outs import HoldOut, numbered_names
+from tripwatt.study.evaluation.hold_outs import HoldOut
 from tripwatt.study.evaluation.tasks import Fitted, Method, ModelSpec
 from tripwatt.trips import Plan, Trip
 
@@ -128,13 +128,6 @@ def is_whole_model(model: object) -> bool:
             "unknown kind of model", "models", f"fit({argument}) of {type(model).__name__}", HOW
         )
     return argument == "trips"
-
-
-def models_by_name(models: Sequence[AnyModel] | Mapping[str, AnyModel]) -> dict[str, AnyModel]:
-    """Return models by the names of their rows: the key of a mapping, or the model's name or class."""
-    if isinstance(models, Mapping):
-        return dict(models)
-    return dict(zip(numbered_names(models), models, strict=True))
 
 
 def outside_spec(name: str, model: object, method: Method[Any], simulation: str | None) -> ModelSpec:

@@ -10,8 +10,8 @@ from tripwatt.errors import Fault, raise_faults
 from tripwatt.hybrid import Corrector
 from tripwatt.hybrid.outside import packaged_correctors
 from tripwatt.study.evaluation.comparison import Comparison
-from tripwatt.study.evaluation.hold_outs import CarChoice, HoldOutChoice, Prepared
-from tripwatt.study.evaluation.outside import AnyModel, WholeModel, models_by_name
+from tripwatt.study.evaluation.hold_outs import CarChoice, HoldOutChoice, Prepared, numbered_names
+from tripwatt.study.evaluation.outside import AnyModel, WholeModel
 from tripwatt.study.evaluation.results import EvaluationRun
 from tripwatt.study.evaluation.tasks import ModelSpec
 from tripwatt.trips import TripSet
@@ -189,7 +189,9 @@ def choose_models(
     if models is None:
         return protocol.models
     own_names, packaged = [spec.name for spec in protocol.models], packaged_correctors()
-    named = models_by_name(models)
+    # the name of a row is the key of a mapping, or the model's name or class
+    rows = models.items() if isinstance(models, Mapping) else zip(numbered_names(models), models, strict=True)
+    named = dict(rows)
     names = [model for model in named.values() if isinstance(model, str)]
     unknown = [name for name in names if name not in own_names and name not in packaged]
     taken = [name for name, model in named.items() if name in own_names and not isinstance(model, str)]
@@ -202,6 +204,6 @@ def choose_models(
         if not (isinstance(model, str) and model in own_names)
     }
     outside = [protocol.from_outside(name, model) for name, model in further_models.items()]
-    rows = {model: name for name, model in named.items() if isinstance(model, str)}
-    own_models = [replace(spec, name=rows[spec.name]) for spec in protocol.models if spec.name in rows]
+    shown = {model: name for name, model in named.items() if isinstance(model, str)}
+    own_models = [replace(spec, name=shown[spec.name]) for spec in protocol.models if spec.name in shown]
     return (*own_models, *outside)
