@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
@@ -152,19 +152,19 @@ def factors_table(results: Record) -> Table:
 def _plot_curves(results: Record) -> Figure:
     """Draw the error by the number of own trips, one panel for each car."""
     cars = [car for car in results["cars"] if _has_curve(car)]
-    rows = max(1, (len(cars) + 1) // 2)
+    rows = (len(cars) + 1) // 2
     figure = new_figure(2.6 * rows, "Error by own trips", "given the driven speed trace", False)
     for number, car in enumerate(cars):
         axes = figure.add_subplot(rows, 2, number + 1)
-        for name, points in _points(car):
-            label, colour, line, width = LEARNERS[name]
+        counts = [row["k"] for row in car["curves"]["population"]]
+        for name, (label, colour, line, width) in reversed(LEARNERS.items()):
             style: dict[str, Any] = {"color": colour, "ls": line, "lw": width, "marker": "o", "ms": 4}
-            axes.plot(*points, label=label, gid=f"{car['car']}-{name}", **style)
+            points = [(counts.index(row["k"]), 100.0 * row["error"]) for row in car["curves"][name]]
+            axes.plot(*zip(*points, strict=True), label=label, gid=f"{car['car']}-{name}", **style)
         if car.get("own_model"):
             own_error = 100.0 * car["own_model"]["error"]
             axes.axhline(own_error, color="#7c7c7c", lw=1.0, label="Own model, all trips of the first half")
         axes.set_title(f"{car['car']}: {car['vehicle_title']}"[:MAX_LETTERS], fontsize=8.0)
-        counts = [row["k"] for row in car["curves"]["population"]]
         axes.set_xticks(range(len(counts)), [f"{k}" for k in counts])
         largest = max(row["error"] for name in SHOWN_WHOLE for row in car["curves"][name])
         ends = {"xlim": (-0.3, len(counts) - 0.7), "ylim": (0.0, 115.0 * float(largest))}
@@ -177,12 +177,3 @@ def _plot_curves(results: Record) -> Figure:
 
 def _has_curve(car: Record) -> bool:
     return len(car["curves"]["population"]) > 1
-
-
-def _points(car: Record) -> Iterator[tuple[str, tuple[list[int], list[float]]]]:
-    """Yield each learner with the positions on the axis and the errors [%] of its curve."""
-    place = {row["k"]: i for i, row in enumerate(car["curves"]["population"])}
-    for name in reversed(LEARNERS):
-        rows = car["curves"][name]
-        if rows:
-            yield name, ([place[row["k"]] for row in rows], [100.0 * row["error"] for row in rows])

@@ -34,9 +34,7 @@ def style_context() -> AbstractContextManager[None]:
 def new_figure(height_in: float, title: str, note: str, synthetic: bool) -> Figure:
     """Make an empty figure of the common width with its head, which is marked if the trips are synthetic."""
     figure = ShownFigure(figsize=(WIDTH_IN, height_in), layout="constrained")
-    lines = [title, *([note] if note else [])]
-    if synthetic:
-        lines.append("Synthetic trips, not measured ones")
+    lines = filter(None, (title, note, "Synthetic trips, not measured ones" if synthetic else ""))
     figure.suptitle("\n".join(lines), x=0.012, ha="left", fontsize=9.5, linespacing=1.35)
     return figure
 
