@@ -151,7 +151,7 @@ def test_drawn_trips_are_learned_in_the_order_of_their_dates(cars) -> None:
         seen.append(known.day)
         return np.zeros(len(asked))
 
-    protocol._curve(learner, dated, [3], 5, 0, needs_trips=True)
+    protocol._curve(learner, dated, [3], 5, 0)
     drawn = [day for day in seen if len(day) == 3]
     assert len(drawn) == 5
     assert all((np.diff(day) > 0.0).all() for day in drawn)

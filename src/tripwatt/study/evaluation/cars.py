@@ -266,7 +266,7 @@ def _score(
         "by cause": _by_cause_residuals,
     }
     curves = {
-        name: _curve(learner, evidence, trips, draws, seed, needs_trips=name != "population")
+        name: _curve(learner, evidence, [k for k in trips if k or name == "population"], draws, seed)
         for name, learner in learners.items()
     }
     without_trips, in_time = _in_time(car, base, published, others)
@@ -315,13 +315,7 @@ def _error(residual_wh: FloatArray, observed_wh: FloatArray) -> dict[str, float]
 
 
 def _curve(
-    learner: Learner,
-    evidence: TripEvidence,
-    trips: Sequence[int],
-    draws: int,
-    seed: int,
-    *,
-    needs_trips: bool,
+    learner: Learner, evidence: TripEvidence, trips: Sequence[int], draws: int, seed: int
 ) -> list[dict[str, Any]]:
     """Return the mean error over random draws for each number k of trips and, for a car with enough trips, with the whole first half."""
     n = len(evidence)
@@ -331,16 +325,13 @@ def _curve(
         draw_scores = [
             _draw_error(learner, evidence.take(split.train), evidence.take(split.test)) for split in splits
         ]
-        return {
-            "k": k,
-            "draws": len(draw_scores),
-            **(_mean_over_draws(draw_scores) if k < half else draw_scores[0]),
-        }
+        errors = _mean_over_draws(draw_scores) if k < half else draw_scores[0]
+        return {"k": k, "draws": len(draw_scores), **errors}
 
     rows = [
         scores(k, _draws(n, half, k, draws if k else 1, seed))
         for k in trips
-        if k < half and (n >= FEW or n - k >= MIN_SCORED or not k) and (k or not needs_trips)
+        if k < half and (n >= FEW or n - k >= MIN_SCORED or not k)
     ]
     if n >= FEW:
         rows.append(scores(half, [Split(0, np.arange(half), np.arange(half, n))]))
@@ -404,25 +395,19 @@ def _in_time(
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
     """Return tables of forecasts in order of time: without own trips, and fitted to all earlier ones, with the weights of each kind."""
     adaptation = Adaptation.before_trips(base, vehicle, others)
-    without_trips = model = adaptation.model
-    rows_without: list[tuple[object, ...]] = []
-    rows_in_time: list[tuple[object, ...]] = []
+    without_trips = adaptation.model
+    tables: tuple[list[object], list[object]] = [], []
     for trip in in_order(car.trips):
-        for rows, forecast in (
-            (rows_without, without_trips.forecast(trip)),
-            (rows_in_time, model.forecast(trip)),
-        ):
-            low, high = forecast.interval(LEVEL)
-            rows.append((trip.trip_id, trip.observed_energy_wh, forecast.energy_wh, low, high))
+        for rows, model in zip(tables, (without_trips, adaptation.model), strict=True):
+            forecast = model.forecast(trip)
+            energies_wh = trip.observed_energy_wh, forecast.energy_wh, *forecast.interval(LEVEL)
+            rows.append((trip.trip_id, *energies_wh))
         adaptation = adaptation.with_trips([trip])
-        model = adaptation.model
     columns = ["trip", "observed_energy_wh", "forecast_wh", "low_wh", "high_wh"]
-    weights = pd.DataFrame(
-        adaptation.innovations.weights, columns=[f"weight_{kind.replace(' ', '_')}" for kind in KINDS]
-    )
-    return pd.DataFrame(rows_without, columns=columns), pd.DataFrame(rows_in_time, columns=columns).join(
-        weights
-    )
+    kinds = [f"weight_{kind.replace(' ', '_')}" for kind in KINDS]
+    weights = pd.DataFrame(adaptation.innovations.weights, columns=kinds)
+    without, in_time = (pd.DataFrame(rows, columns=columns) for rows in tables)
+    return without, in_time.join(weights)
 
 
 def _scores(table: pd.DataFrame) -> dict[str, Any]:
