@@ -6,13 +6,13 @@ To predict a held-out trip, every model uses its speed trace and what was known 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from functools import partial
 from operator import attrgetter
 from types import MappingProxyType
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
-import pandas as pd
 
 from tripwatt.arrays import BoolArray, IntArray
 from tripwatt.auditing import Audit, audit
@@ -48,7 +48,7 @@ from tripwatt.study.evaluation.hold_outs import (
     random_draws,
 )
 from tripwatt.study.evaluation.outside import WholeMethod, WholeModel, is_whole_model, outside_spec
-from tripwatt.study.evaluation.results import EvaluationRun, about_run
+from tripwatt.study.evaluation.results import EvaluationRun, build_run
 from tripwatt.study.evaluation.table_models import CONSTANT, LINEAR4, LINEAR6, PHYSICS, PHYSICS4
 from tripwatt.study.evaluation.tasks import ModelSpec
 from tripwatt.trips import Plan, Trip, TripSet
@@ -98,7 +98,6 @@ class ForecastProtocol:
     """
 
     name = "forecast"
-    title = "the forecast before departure and on the way, beside models of power"
     focus: str | None = FORECAST
     published: Mapping[str, float] = MappingProxyType({})
     given = GIVEN
@@ -170,31 +169,24 @@ class ForecastProtocol:
         seed: int,
     ) -> EvaluationRun:
         """Score totals, intervals, updates, strata and the learning curve."""
-        first, summaries, frames = main[0], [], []
+        first, summaries = main[0], []
         for comparison in main:
             summary = comparison.summary(seed)
             add_crps_of_points(summary["models"], comparison.frame)
-            hold_out = comparison.hold_out
-            days = [hold_out.table.days[i] for i in hold_out.tested]
-            for name in summary["models"]:
-                forecasts, part = comparison.forecasts(name), comparison.rows_of(name)
-                if forecasts:
-                    summary["models"][name] |= forecast_scores(forecasts, part, seed, days)
-                if forecasts and name == FORECAST:
-                    frames.append(forecast_frame(comparison.hold_out, forecasts, part))
+            days = [comparison.hold_out.table.days[i] for i in comparison.hold_out.tested]
+            for name, scores in summary["models"].items():
+                if forecasts := comparison.forecasts(name):
+                    scores |= forecast_scores(forecasts, comparison.rows_of(name), seed, days)
             summaries.append(summary)
-        content: dict[str, Any] = {
-            **about_run(self.name, prepared, first, seed),
+        forecasts = first.forecasts(FORECAST)
+        frame = forecast_frame(first.hold_out, forecasts, first.rows_of(FORECAST)) if forecasts else None
+        content = {
             "fitted_on": prepared.fleet.name,
             "evaluations": summaries,
             "learning_curve": [row for draws in further for row in learning_curve(draws, seed)],
             "strata": strata(first, seed),
         }
-        return EvaluationRun(
-            results=content,
-            folds=pd.concat([comparison.frame for comparison in main], ignore_index=True),
-            forecast=frames[0] if frames else None,
-        )
+        return replace(build_run(self.name, prepared, main, seed, content), forecast=frame)
 
 
 def _held_out(

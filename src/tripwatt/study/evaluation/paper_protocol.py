@@ -7,11 +7,11 @@ settings are chosen by the score of the table: the absolute error at the end of 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from functools import partial
 from typing import Any, Final
 
 import numpy as np
-import pandas as pd
 
 from tripwatt.auditing import Audit, audit
 from tripwatt.errors import Fault, InvalidInput
@@ -29,7 +29,7 @@ from tripwatt.study.evaluation.hold_outs import (
 )
 from tripwatt.study.evaluation.outside import WholeMethod, WholeModel, is_whole_model, outside_spec
 from tripwatt.study.evaluation.paper_studies import simulation_forms, studies, study_comparisons
-from tripwatt.study.evaluation.results import EvaluationRun, about_run
+from tripwatt.study.evaluation.results import EvaluationRun, build_run
 from tripwatt.study.evaluation.table_models import (
     CONSTANT,
     LINEAR4,
@@ -66,7 +66,6 @@ class PaperProtocol:
     """The paper's protocol; its members are documented in `tripwatt.study.evaluation.protocol.EvaluationProtocol`."""
 
     name = "paper"
-    title = "the models of arXiv:2405.10984 on cumulative energy"
     models: tuple[ModelSpec, ...] = (
         CONSTANT,
         LINEAR4,
@@ -132,17 +131,12 @@ class PaperProtocol:
         models = {name: m.make(seed) for name, m in methods.items() if isinstance(m, TableMethod)}
         weathers = {t.context.weather for t in prepared.fleet.trips if t.context.weather is not None}
         gamm = insight(table, models, weathers=sorted(weathers))
-        content: dict[str, Any] = {
-            **about_run(self.name, prepared, first, seed),
+        scores = {
             "evaluations": [comparison.summary(seed) for comparison in main],
             "table2": _table2(gamm),
             "studies": studies(first, further, seed),
         }
-        return EvaluationRun(
-            results=content,
-            folds=pd.concat([comparison.frame for comparison in main], ignore_index=True),
-            gamm=gamm,
-        )
+        return replace(build_run(self.name, prepared, main, seed, scores), gamm=gamm)
 
 
 def _table2(gamm: GammInsight | None) -> list[dict[str, Any]]:

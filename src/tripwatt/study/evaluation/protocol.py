@@ -22,8 +22,8 @@ class EvaluationProtocol(Protocol):
 
     Attributes
     ----------
-    name, title : str
-        Name of the protocol, and title of its report.
+    name : str
+        Name of the protocol.
     models : tuple of ModelSpec
         Models that are compared.
     focus : str or None
@@ -44,7 +44,6 @@ class EvaluationProtocol(Protocol):
     """
 
     name: str
-    title: str
     models: tuple[ModelSpec, ...]
     focus: str | None
     published: Mapping[str, float]

@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
@@ -184,10 +185,12 @@ class EvaluationRun:
         return f"<EvaluationRun protocol {protocol}, {len(models)} models, {len(read)} trips read>"
 
 
-def about_run(protocol: str, prepared: Prepared[Any], main: Comparison, seed: int) -> dict[str, Any]:
-    """Return the part of `results.json` about the data and the models, and the paired differences of the main comparison."""
-    fleet, known = prepared.test_fleet or prepared.fleet, versions()
-    return {
+def build_run(
+    protocol: str, prepared: Prepared[Any], main: Sequence[Comparison], seed: int, scores: Mapping[str, Any]
+) -> EvaluationRun:
+    """Build a run of a protocol's scores, data and models, and of the paired differences of the first comparison."""
+    first, fleet, known = main[0], prepared.test_fleet or prepared.fleet, versions()
+    results = {
         "protocol": protocol,
         "dataset": fleet.name,
         "synthetic": fleet.name == SYNTHETIC,
@@ -196,13 +199,15 @@ def about_run(protocol: str, prepared: Prepared[Any], main: Comparison, seed: in
         "versions": {"python": known["python"], **known["packages"]},
         "vehicle": next(iter(prepared.cars.values())).name,
         "notes": list(dict.fromkeys(prepared.notes)),
-        "models": {spec.name: spec.title for spec in main.specs},
+        "models": {spec.name: spec.title for spec in first.specs},
         "trips_read": [t.trip_id for t in fleet.trips],
         "trips_used": {h.trips: [h.table.trip_ids[i] for i in h.scored] for h in prepared.hold_outs},
-        "days": dict(zip(main.hold_out.table.trip_ids, main.hold_out.table.days, strict=True)),
+        "days": dict(zip(first.hold_out.table.trip_ids, first.hold_out.table.days, strict=True)),
         "audit": [asdict(finding) for finding in prepared.audited.findings],
-        "paired": main.paired(seed),
+        "paired": first.paired(seed),
+        **scores,
     }
+    return EvaluationRun(results, pd.concat([comparison.frame for comparison in main], ignore_index=True))
 
 
 def write_results(run: EvaluationRun, out: Path) -> None:
