@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, ParamSpec
 
 from tripwatt.hybrid.trip_table import COVARIATES
-from tripwatt.study.report.covariates import COVARIATES
+from tripwatt.study.report.covariates import COVARIATES as WORDS
 from tripwatt.study.report.style import INK, new_figure, style_context
 
 if TYPE_CHECKING:
@@ -71,7 +71,7 @@ def plot_hybrid(covariates: Sequence[str] = COVARIATES) -> Figure:
     covariates : sequence of str
         Columns that the corrector reads.
     """
-    words = [COVARIATES.get(name, name) for name in covariates]
+    words = [WORDS.get(name, name) for name in covariates]
     half = (len(words) + 1) // 2
     read = f"{', '.join(words[:half])},\n{', '.join(words[half:])}"
     boxes = {

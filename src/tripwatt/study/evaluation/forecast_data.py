@@ -92,15 +92,12 @@ class ForecastData:
     def take(self, members: IntArray) -> ForecastData:
         """Return some of the trips by their ascending numbers."""
         rows = np.isin(self.segments.groups, members)
-        return ForecastData(
-            self.vehicle,
-            self.table.take(members),
-            self.segments.take(members),
-            self.data_features[rows].reset_index(drop=True),
-            tuple(self.plans[i] for i in members),
-            tuple(self.logs[i] for i in members),
-            tuple(self.stages[i] for i in members),
-            tuple(self.trips[i] for i in members) if self.trips else (),
+        return replace(
+            self.take_stages(members),
+            table=self.table.take(members),
+            data_features=self.data_features[rows].reset_index(drop=True),
+            logs=tuple(self.logs[i] for i in members),
+            trips=tuple(self.trips[i] for i in members) if self.trips else (),
         )
 
     def identified(self, trains: Sequence[IntArray]) -> list[tuple[Vehicle, SegmentTable]]:

@@ -84,11 +84,8 @@ class DataMethod(Method[ForecastData]):
 
     def fit(self, data: ForecastData, train: IntArray, seed: int) -> Fitted:
         """Fit the learner."""
-        segments, columns, learner = (
-            data.segments,
-            data.data_features,
-            _held_out_learner(self.corrector, seed),
-        )
+        segments, columns = data.segments, data.data_features
+        learner = _held_out_learner(self.corrector, seed)
         rows = np.isin(segments.groups, train)
         power_w = segments.take(np.sort(train)).observed_power_w
         learner.model.fit(columns[rows], power_w, groups=segments.groups[rows])
