@@ -74,7 +74,7 @@ def test_no_two_purposes_share_their_random_numbers():
 @pytest.mark.parametrize("module", ["roads", "world", "sensors"])
 def test_what_one_trip_draws_changes_no_other_trip(monkeypatch, fleet, module):
     scenarios = list(scenario_module.draw_scenarios(12, 7))
-    target = next(i for i in range(11) if scenarios[i + 1].trips_before)  # another trip follows it on its day
+    target = next(i for i in range(11) if scenarios[i + 1].key[1])  # another trip follows it on its day
 
     def elsewhere(seed, purpose, *index):
         return scenario_module.stream(seed + 1000 * (index == scenarios[target].key), purpose, *index)

@@ -53,8 +53,6 @@ class Day:
 
     Attributes
     ----------
-    number : int
-        0, 1, 2 ...; even days are summer days, odd ones winter days.
     date : date
     season : {"summer", "winter"}
     sky : {"sunny", "slightly cloudy", "cloudy", "rainy"}
@@ -64,7 +62,6 @@ class Day:
         Speed [m/s] and direction [rad] of the wind.
     """
 
-    number: int
     date: dt.date
     season: str
     sky: str
@@ -100,8 +97,6 @@ class Scenario:
         Time that the trip should take [s].
     parked_s : float or None
         Time since the end of the day's last trip [s]; None for the first trip of a day.
-    trips_before : int
-        Number of trips that the car made before on this day.
     soc : float
         State of charge at departure.
     setpoint_degc, payload_mass_kg : float
@@ -115,7 +110,6 @@ class Scenario:
     route: str
     duration_s: float
     parked_s: float | None
-    trips_before: int
     soc: float
     setpoint_degc: float
     payload_mass_kg: float
@@ -168,7 +162,6 @@ def _draw_day(seed: int, number: int) -> Day:
     clear = {"sunny": 1.0, "slightly cloudy": 0.5}.get(sky, 0.0)
     mean = rng.normal(19.0, 3.5) + 3.0 * clear if summer else rng.normal(2.5, 4.0) - 1.5 * clear
     return Day(
-        number=number,
         date=first + dt.timedelta(days=into_season),
         season="summer" if summer else "winter",
         sky=sky,
@@ -182,14 +175,7 @@ def _draw_day(seed: int, number: int) -> Day:
 def long_drive(scenario: Scenario, seed: int, hours: tuple[float, float]) -> Scenario:
     """Change a scenario to a long drive on the motorway, as if it were the first trip of its day, with a uniformly drawn duration."""
     duration_s = 3600.0 * float(stream(seed, TRIPS, *scenario.key, 0).uniform(*hours))
-    return replace(
-        scenario,
-        route="highway",
-        duration_s=duration_s,
-        parked_s=None,
-        trips_before=0,
-        soc=0.9,
-    )
+    return replace(scenario, route="highway", duration_s=duration_s, parked_s=None, soc=0.9)
 
 
 def draw_scenarios(n_trips: int, seed: int) -> Iterator[Scenario]:
@@ -221,7 +207,6 @@ def draw_scenarios(n_trips: int, seed: int) -> Iterator[Scenario]:
                 route=route,
                 duration_s=duration_s,
                 parked_s=parked_s,
-                trips_before=place_in_day,
                 soc=round(soc, 3),
                 setpoint_degc=driver.setpoint_degc if day.season == "winter" else driver.setpoint_degc + 1.0,
                 payload_mass_kg=payload,

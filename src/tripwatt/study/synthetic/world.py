@@ -94,12 +94,13 @@ def simulate_truth(scenario: Scenario, drive: RoadDrive, vehicle: Vehicle, seed:
     climate = replace(climate, aircon_power_w=climate.aircon_power_w * hunting)
     wind_n, headwind, rolling_n, rolling_share = hidden_forces(scenario, drive, ambient, vehicle, rng)
     weight_n = (vehicle.body.test_mass_kg + scenario.payload_mass_kg) * GRAVITY_M_S2
+    trips_before = 0 if scenario.parked_s is None else scenario.key[1]
     rested_degc = 0.5 * (float(ambient[0]) + scenario.day.mean_temperature_degc) + rng.uniform(0.0, 3.0)
     conditions = DriveConditions(
         ambient_temperature_degc=float(ambient.mean()),
         initial_soc=scenario.soc,
-        # a heavy battery pack follows the mean temperature of the day, and each trip of the day has warmed it
-        initial_battery_temperature_degc=float(rested_degc + 2.0 * scenario.trips_before),
+        # a heavy battery pack follows the mean temperature of the day, and each trip before on this day has warmed it
+        initial_battery_temperature_degc=float(rested_degc + 2.0 * trips_before),
         payload_mass_kg=scenario.payload_mass_kg,
     )
     driven = simulate(
@@ -183,11 +184,9 @@ def _energy_wh(power_w: FloatArray, time_s: FloatArray) -> float:
 
 def _draw_ambient(scenario: Scenario, time_s: FloatArray, rng: np.random.Generator) -> FloatArray:
     """Draw the outside temperature along the trip [°C]: the day's course and differences from street to street."""
-    course = scenario.day.temperature_at(scenario.hour) + (
-        scenario.day.temperature_at(scenario.hour + 1.0) - scenario.day.temperature_at(scenario.hour)
-    ) * (time_s / 3600.0)
-    local = smooth_noise(time_s, 400.0, rng)
-    return np.asarray(course + 0.5 * local, dtype=np.float64)
+    now, in_an_hour = (scenario.day.temperature_at(scenario.hour + h) for h in (0.0, 1.0))
+    course = now + (in_an_hour - now) * (time_s / 3600.0)
+    return np.asarray(course + 0.5 * smooth_noise(time_s, 400.0, rng), dtype=np.float64)
 
 
 def _heat_balance(
