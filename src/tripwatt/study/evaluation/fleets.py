@@ -28,6 +28,8 @@ VEHICLE_FOLDS: Final = 10
 """Parts of the vehicles that are left out in turn: a choice, as usual for cross-validation."""
 OWN_TRIPS: Final = (0, 1, 3, 10, 30)
 """Numbers of own trips with which a vehicle is forecast: a choice, about even steps of the logarithm."""
+OWN_VEHICLES: Final = 60
+"""Largest number of vehicles that are forecast with own trips, in a seeded random order: a choice, enough for a mean."""
 
 CLASSES: Final = {
     "temperature": (
@@ -111,7 +113,7 @@ def _later(rows: TripRows, fold: IntArray) -> pd.DataFrame | None:
         return None
     cut = np.sort(started[dated])[int((1.0 - NEWEST_SHARE) * dated.sum())]
     newest = dated & (started >= cut)
-    if not newest.any() or newest.all():
+    if newest.all():
         return None
     train = rows.where(~newest).sums
     test = rows.where(newest)
@@ -158,7 +160,7 @@ def _frame(rows: TripRows, energy: FloatArray, sd: FloatArray, fold: IntArray, p
     )
 
 
-def own_trips(rows: TripRows, all_trips: Sums, scales: Scales, max_vehicles: int = 60) -> pd.DataFrame:
+def own_trips(rows: TripRows, all_trips: Sums, scales: Scales) -> pd.DataFrame:
     """Tabulate errors by the number of own trips, for models of the fleet with them, of the own trips alone, and of the fleet without them.
 
     The earliest trips of each vehicle are its known own trips; up to 10 trips after the largest possible number of them are
@@ -170,13 +172,11 @@ def own_trips(rows: TripRows, all_trips: Sums, scales: Scales, max_vehicles: int
     all_trips : Sums
         Sums of all rows.
     scales : Scales
-    max_vehicles : int
-        Largest number of vehicles evaluated, in a seeded random order.
     """
     started = rows.texts("started_at")
     ids = rows.texts("vehicle_id")
-    vehicles = np.random.default_rng(0).permutation(sorted(set(ids.tolist())))[:max_vehicles]
-    errors: dict[int, list[tuple[float, ...]]] = {k: [] for k in OWN_TRIPS}
+    vehicles = np.random.default_rng(0).permutation(sorted(set(ids.tolist())))[:OWN_VEHICLES]
+    errors: dict[int, list[list[float]]] = {k: [] for k in OWN_TRIPS}
     for vehicle in vehicles:
         index = np.flatnonzero(ids == vehicle)
         index = index[np.argsort([f"{started[i]}" for i in index], kind="stable")]
@@ -187,11 +187,8 @@ def own_trips(rows: TripRows, all_trips: Sums, scales: Scales, max_vehicles: int
         fleet_sums = _nonempty(all_trips - rows.take(index).sums)
         for k in fitting:
             own_sums = rows.take(index[:k]).sums
-            errors[k].append(
-                tuple(
-                    mean_error(sums, scales, test) for sums in (fleet_sums + own_sums, own_sums, fleet_sums)
-                )
-            )
+            compared = fleet_sums + own_sums, own_sums, fleet_sums
+            errors[k].append([mean_error(sums, scales, test) for sums in compared])
     table = [(k, len(e), *np.mean(e, axis=0)) for k, e in errors.items() if e]
     return pd.DataFrame(table, columns=["own_trips", "vehicles", "pooled", "own_only", "fleet_only"])
 
