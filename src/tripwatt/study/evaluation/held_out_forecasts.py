@@ -81,6 +81,7 @@ class HeldOutForecast:
         """
         levels = (np.arange(CRPS_LEVELS) + 0.5) / CRPS_LEVELS
         arrival, chance = forecast_arrivals(model, plan)
+        shown = log["displayed_soc"].dropna().tolist() if "displayed_soc" in log else []
         return cls(
             sd_wh=forecast.sd_wh,
             bounds_wh=np.array([forecast.interval(level) for level in LEVELS]),
@@ -88,7 +89,7 @@ class HeldOutForecast:
             pit=forecast.probability_below(float(log["observed_energy_wh"].iloc[-1])),
             flags=len(forecast.flags),
             updates_wh=np.array([reforecast(forecast, log, x) for x in FRACTIONS]),
-            shown=_displayed_charge_at_arrival(log),
+            shown=shown[-1] if shown else np.nan,
             arrival=arrival,
             arrival_chance=chance,
         )
@@ -97,11 +98,6 @@ class HeldOutForecast:
 def stack(forecasts: Sequence[HeldOutForecast], name: str) -> FloatArray:
     """Stack the attribute `name` of all forecasts."""
     return np.array([getattr(forecast, name) for forecast in forecasts])
-
-
-def _displayed_charge_at_arrival(log: pd.DataFrame) -> float:
-    shown = log["displayed_soc"].dropna().to_numpy() if "displayed_soc" in log else np.empty(0)
-    return float(shown[-1]) if len(shown) else np.nan
 
 
 def forecast_arrivals(model: ForecastModel, plan: Plan) -> tuple[FloatArray, FloatArray]:
@@ -146,23 +142,19 @@ def reforecast(forecast: Forecast, log: pd.DataFrame, fraction: float) -> list[f
     list of float
         NaN if a measurement is missing. The gauge of a car that has not moved yet shows the forecast before departure.
     """
-    planned_series = forecast.to_frame()
-    cut = fraction * float(planned_series["time_s"].iloc[-1])
+    planned = forecast.to_frame()
+    cut = fraction * float(planned["time_s"].iloc[-1])
     so_far = log[log["time_s"] <= cut]
     if len(so_far) < 2:
         energy_wh = forecast.energy_wh
-        return [energy_wh, float("nan"), energy_wh, energy_wh, *forecast.interval(UPDATE_LEVEL)]
+        return [energy_wh, np.nan, energy_wh, energy_wh, *forecast.interval(UPDATE_LEVEL)]
     last = so_far.iloc[-1]
     measured = ["time_s", "observed_energy_wh", *(c for c in TOLD_BY if c in so_far)]
     updated = forecast.update_since_departure(so_far[measured])
     charge = [c for c in CHARGE_COLUMNS if c in so_far and so_far[c].notna().any()]
-    by_charge = (
-        forecast.update_since_departure(so_far[["time_s", *charge]]).energy_wh if charge else float("nan")
-    )
-    planned_so_far_wh = float(
-        np.interp(last["time_s"], planned_series["time_s"], planned_series["energy_wh"])
-    )
-    driven_m, trip_m = float(last["distance_m"]), float(planned_series["distance_m"].iloc[-1])
+    by_charge = forecast.update_since_departure(so_far[["time_s", *charge]]).energy_wh if charge else np.nan
+    planned_so_far_wh = float(np.interp(last["time_s"], planned["time_s"], planned["energy_wh"]))
+    driven_m, trip_m = float(last["distance_m"]), float(planned["distance_m"].iloc[-1])
     gauge = float(last["observed_energy_wh"]) * trip_m / driven_m if driven_m > 0.0 else forecast.energy_wh
     no_update = float(last["observed_energy_wh"]) + forecast.energy_wh - planned_so_far_wh
     return [updated.energy_wh, by_charge, no_update, gauge, *updated.interval(UPDATE_LEVEL)]
