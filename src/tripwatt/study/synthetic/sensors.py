@@ -30,9 +30,8 @@ def log_samples(
     speed_km_h = true_speed / M_S_PER_KM_H + 0.12 * rng.standard_normal(n)
     # a wheel at standstill gives no pulses, so its speed is exactly 0
     speed = np.where(true_speed > 0.1, quantise(np.maximum(speed_km_h, 0.0), 0.1) * M_S_PER_KM_H, 0.0)
-    displayed = cells.displayed_from_soc(0.0) + battery.soc * (
-        cells.displayed_from_soc(1.0) - cells.displayed_from_soc(0.0)
-    )
+    empty, full = cells.displayed_from_soc(0.0), cells.displayed_from_soc(1.0)
+    displayed = empty + battery.soc * (full - empty)
     heater_seen = np.where(climate.heating_power_w > 40.0, climate.heating_power_w, 0.0)
     return pd.DataFrame(
         {

@@ -206,10 +206,10 @@ def _heat_balance(
     outside = np.interp(seconds, time_s, ambient_degc)
     loss = CABIN.loss_w_k + CABIN.loss_per_speed_w_s_k_m * np.interp(seconds, time_s, speed_m_s)
     steady_w = loss * (scenario.setpoint_degc - outside) - sun_w
-    rows = np.empty((len(seconds), 4))
+    rows: list[tuple[float, ...]] = []
     heater = 0.0
-    for i, (loss_w_k, outside_degc, steady) in enumerate(
-        zip(loss.tolist(), outside.tolist(), steady_w.tolist(), strict=True)
+    for loss_w_k, outside_degc, steady in zip(
+        loss.tolist(), outside.tolist(), steady_w.tolist(), strict=True
     ):
         needed = steady + CABIN.gain_w_k * (scenario.setpoint_degc - cabin)
         wanted = needed / CABIN.heater_efficiency
@@ -218,10 +218,10 @@ def _heat_balance(
         cooling = -needed / CABIN.aircon_performance
         cooling = min(cooling, CABIN.aircon_max_w - CABIN.aircon_idle_w) if cooling > 0.0 else 0.0
         aircon = cooling + CABIN.aircon_idle_w if cooling > 0.0 else 0.0
-        rows[i] = cabin, request, heater, aircon
+        rows.append((cabin, request, heater, aircon))
         heat = CABIN.heater_efficiency * heater - CABIN.aircon_performance * cooling
         cabin += (loss_w_k * (outside_degc - cabin) + sun_w + heat) / CABIN.heat_capacity_j_k
-    return CabinClimate(*(np.interp(time_s, seconds, column) for column in rows.T))
+    return CabinClimate(*(np.interp(time_s, seconds, column) for column in np.transpose(rows)))
 
 
 def hidden_forces(
