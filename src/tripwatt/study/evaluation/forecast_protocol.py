@@ -63,8 +63,6 @@ CURVE_SIZES: Final = (5, 10, 20, 40)
 """Numbers of training trips of the learning curve: a choice, even steps of the logarithm."""
 CURVE_MIN_TEST: Final = 8
 """Smallest number of trips left to score for a training size of the curve: a choice, a seventh of the reference trips."""
-PHYSICS_IDENTIFIED: Final = "physics-identified"
-PUBLISHED_ONLY: Final = "hybrid-published"
 
 _TITLES: Final[Mapping[str, str]] = {
     "linear": "default physics, each cause scaled",
@@ -112,12 +110,12 @@ class ForecastProtocol:
                 if name != corrector
             ),
             _power_model(
-                PHYSICS_IDENTIFIED,
+                "physics-identified",
                 "physics, stages identified from their signals in each fold",
                 None,
                 identified=True,
             ),
-            _power_model(PUBLISHED_ONLY, f"{_TITLES[corrector]}, with published values only", corrector),
+            _power_model("hybrid-published", f"{_TITLES[corrector]}, with published values only", corrector),
             ModelSpec(
                 FORECAST,
                 f"the forecast: {_TITLES[corrector]}, on physics identified in each fold, with intervals and updates",

@@ -170,13 +170,12 @@ class EvaluationRun:
         return label, rows.pivot_table(index="trip", columns="model", values="ape", sort=False)
 
     def _repr_html_(self) -> str:
-        frame = self.to_frame()
         rows = [
             (
                 f"{row.model}, {row.scheme} of {row.trips} trips",
                 f"{row.mape:.1%} ({row.mape_low:.1%} to {row.mape_high:.1%}) over {row.n_trips} trips",
             )
-            for row in frame.itertuples()
+            for row in self.to_frame().itertuples()
         ]
         return html_table(f"{self!r}"[1:-1], rows)
 

@@ -142,10 +142,8 @@ class View:
     @property
     def main_folds(self) -> pd.DataFrame:
         """The folds of the main evaluation."""
-        main = (self.folds["scheme"] == self.main.get("scheme")) & (
-            self.folds["trips"] == self.main.get("trips")
-        )
-        return self.folds[main]
+        scheme, trips = self.main.get("scheme"), self.main.get("trips")
+        return self.folds[(self.folds["scheme"] == scheme) & (self.folds["trips"] == trips)]
 
     def captioned(self, caption: str) -> str:
         """Return a table's caption, marked if the trips are synthetic."""
