@@ -6,7 +6,7 @@ import itertools
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import cached_property
-from typing import Any, Final, TypeVar
+from typing import Any, Final
 
 import numpy as np
 import pandas as pd
@@ -21,8 +21,6 @@ from tripwatt.study.evaluation.metrics import (
     summarise_errors,
 )
 from tripwatt.study.evaluation.tasks import FoldResult, ModelSpec
-
-T = TypeVar("T")
 
 PHYSICS_ALONE: Final = ("physics-paper", "physics")
 """Models that are a simulation alone; the share of improved trips is relative to them."""
@@ -72,21 +70,19 @@ class Comparison:
 
     def energies_wh(self, model: str) -> FloatArray:
         """Return the predicted energy of each scored trip, in the order of the trips; a trip counts once for each split that scores it."""
-        return np.array(
-            self._ordered(model, [result.predicted_wh.tolist() for result in self.results_of(model)])
-        )
+        return np.array(self._ordered(model, "predicted_wh"))
 
     def forecasts(self, model: str) -> list[HeldOutForecast]:
         """Return the forecasts in the order of `energies_wh`; empty if the model makes none or did not run."""
-        parts = [result.forecasts for result in self.results_of(model) if result.forecasts is not None]
-        return self._ordered(model, parts) if parts else []
+        forecasts = any(result.forecasts for result in self.results_of(model))
+        return self._ordered(model, "forecasts") if forecasts else []
 
-    def _ordered(self, model: str, parts: Sequence[Sequence[T]]) -> list[T]:
-        """Sort the values of a model's results (one value per scored trip) by trip, then by split."""
+    def _ordered(self, model: str, name: str) -> list[Any]:
+        """Sort the values of a field of a model's results (one value per scored trip) by trip, then by split."""
         of_trips = (
             (trip, result.split.number, value)
-            for result, part in zip(self.results_of(model), parts, strict=True)
-            for trip, value in zip(result.split.test.tolist(), part, strict=True)
+            for result in self.results_of(model)
+            for trip, value in zip(result.split.test.tolist(), getattr(result, name), strict=True)
         )
         return [value for _, _, value in sorted(of_trips, key=lambda item: item[:2])]
 
