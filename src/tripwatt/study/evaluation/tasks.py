@@ -216,15 +216,11 @@ class Task:
         ordinary_fit = self._fit(trips)(trips[:TIMED_TRIPS])
         inner = np.full(len(fold_numbers), np.nan) if fitted.inner_errors is None else fitted.inner_errors
         errors = dict(zip(fold_numbers.tolist(), inner.tolist(), strict=True))
-        return [
-            FoldResult(
-                self.spec.name,
-                split,
-                **ordinary_fit
-                | {"predicted_wh": fitted.predict(split.test), "inner_error": errors[split.number]},
-            )
-            for split in self.splits
-        ]
+        results = []
+        for split in self.splits:
+            found = {"predicted_wh": fitted.predict(split.test), "inner_error": errors[split.number]}
+            results.append(FoldResult(self.spec.name, split, **ordinary_fit | found))
+        return results
 
     def _fit(self, train: IntArray) -> Callable[[IntArray], dict[str, Any]]:
         """Fit to trips; return a function that predicts others, with the times of fit and prediction."""
