@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import cache
-from types import MappingProxyType
 from typing import Final, Literal
 
 from tripwatt.files import shipped_toml
@@ -50,9 +49,7 @@ class ModelStyle:
 @cache
 def model_styles() -> Mapping[str, ModelStyle]:
     """Return the style of every model in the order of the tables, from `models.toml`."""
-    return MappingProxyType(
-        {name: ModelStyle(**style) for name, style in shipped_toml("study/report/models.toml").items()}
-    )
+    return {name: ModelStyle(**style) for name, style in shipped_toml("study/report/models.toml").items()}
 
 
 PAPER: Final = "arXiv:2405.10984, Table 3"
