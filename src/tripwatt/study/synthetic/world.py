@@ -28,24 +28,21 @@ from tripwatt.units import (
 from tripwatt.vehicles import Battery, Vehicle
 
 
-@dataclass(frozen=True, slots=True)
-class HiddenCabin:
+class Cabin:
     """The true cabin: one heat capacity, losses that grow with speed, a slow heater and an air conditioner."""
 
-    heat_capacity_j_k: float = 40e3
-    loss_w_k: float = 60.0
-    loss_per_speed_w_s_k_m: float = 1.3
-    gain_w_k: float = 350.0
-    heater_max_w: float = 5500.0
-    heater_efficiency: float = 0.92
-    heater_lag_s: float = 45.0
-    aircon_max_w: float = 2200.0
-    aircon_idle_w: float = 240.0
-    aircon_performance: float = 2.3
-    cools_down_s: float = 2400.0
+    heat_capacity_j_k: Final = 40e3
+    loss_w_k: Final = 60.0
+    loss_per_speed_w_s_k_m: Final = 1.3
+    gain_w_k: Final = 350.0
+    heater_max_w: Final = 5500.0
+    heater_efficiency: Final = 0.92
+    heater_lag_s: Final = 45.0
+    aircon_max_w: Final = 2200.0
+    aircon_idle_w: Final = 240.0
+    aircon_performance: Final = 2.3
+    cools_down_s: Final = 2400.0
 
-
-CABIN: Final = HiddenCabin()
 
 SUN_W: Final = {"sunny": 480.0, "slightly cloudy": 280.0, "cloudy": 120.0, "rainy": 60.0, "dark": 0.0}
 """Solar heat [W] in the cabin on a summer day; half of it in winter."""
@@ -198,29 +195,29 @@ def _heat_balance(
 ) -> CabinClimate:
     """Simulate the true cabin in steps of 1 s: `C dT/dt = loss (T_out - T) + sun + heater - cooling`. O(seconds)."""
     sun_w = SUN_W[scenario.weather] * (0.5 if scenario.day.season == "winter" else 1.0)
-    soaked = ambient_degc[0] + sun_w / CABIN.loss_w_k * rng.uniform(0.3, 1.0) + rng.uniform(0.0, 1.5)
-    warmth_left = 0.0 if scenario.parked_s is None else math.exp(-scenario.parked_s / CABIN.cools_down_s)
+    soaked = ambient_degc[0] + sun_w / Cabin.loss_w_k * rng.uniform(0.3, 1.0) + rng.uniform(0.0, 1.5)
+    warmth_left = 0.0 if scenario.parked_s is None else math.exp(-scenario.parked_s / Cabin.cools_down_s)
     cabin = soaked + warmth_left * (scenario.setpoint_degc - soaked)
 
     seconds = np.arange(math.ceil(time_s[-1]) + 1, dtype=np.float64)
     outside = np.interp(seconds, time_s, ambient_degc)
-    loss = CABIN.loss_w_k + CABIN.loss_per_speed_w_s_k_m * np.interp(seconds, time_s, speed_m_s)
+    loss = Cabin.loss_w_k + Cabin.loss_per_speed_w_s_k_m * np.interp(seconds, time_s, speed_m_s)
     steady_w = loss * (scenario.setpoint_degc - outside) - sun_w
     rows: list[tuple[float, ...]] = []
     heater = 0.0
     for loss_w_k, outside_degc, steady in zip(
         loss.tolist(), outside.tolist(), steady_w.tolist(), strict=True
     ):
-        needed = steady + CABIN.gain_w_k * (scenario.setpoint_degc - cabin)
-        wanted = needed / CABIN.heater_efficiency
-        request = min(wanted, CABIN.heater_max_w) if wanted > 0.0 else 0.0
-        heater += (request - heater) / CABIN.heater_lag_s
-        cooling = -needed / CABIN.aircon_performance
-        cooling = min(cooling, CABIN.aircon_max_w - CABIN.aircon_idle_w) if cooling > 0.0 else 0.0
-        aircon = cooling + CABIN.aircon_idle_w if cooling > 0.0 else 0.0
+        needed = steady + Cabin.gain_w_k * (scenario.setpoint_degc - cabin)
+        wanted = needed / Cabin.heater_efficiency
+        request = min(wanted, Cabin.heater_max_w) if wanted > 0.0 else 0.0
+        heater += (request - heater) / Cabin.heater_lag_s
+        cooling = -needed / Cabin.aircon_performance
+        cooling = min(cooling, Cabin.aircon_max_w - Cabin.aircon_idle_w) if cooling > 0.0 else 0.0
+        aircon = cooling + Cabin.aircon_idle_w if cooling > 0.0 else 0.0
         rows.append((cabin, request, heater, aircon))
-        heat = CABIN.heater_efficiency * heater - CABIN.aircon_performance * cooling
-        cabin += (loss_w_k * (outside_degc - cabin) + sun_w + heat) / CABIN.heat_capacity_j_k
+        heat = Cabin.heater_efficiency * heater - Cabin.aircon_performance * cooling
+        cabin += (loss_w_k * (outside_degc - cabin) + sun_w + heat) / Cabin.heat_capacity_j_k
     return CabinClimate(*(np.interp(time_s, seconds, column) for column in np.transpose(rows)))
 
 
