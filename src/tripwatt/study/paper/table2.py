@@ -266,8 +266,7 @@ class Table2Corrector:
         frame = X.fillna(self.medians_.to_dict())
         if "season" in frame:
             codes = (frame["season"] == "winter").to_numpy().astype(np.intp)  # unknown counts as summer
-            seasons = pd.CategoricalDtype(list(SEASONS), ordered=True)
-            frame["season"] = pd.Categorical.from_codes(codes, dtype=seasons)
+            frame["season"] = pd.Categorical.from_codes(codes, pd.Index(SEASONS), ordered=True)
         if groups is not None:
             frame["trip"] = groups.astype(str)
         return frame
