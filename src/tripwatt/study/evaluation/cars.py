@@ -227,8 +227,7 @@ def _file_faults(document: Mapping[str, Any], where: str) -> Iterator[Fault]:
 def evidence_of(car: CarTrips, dataset: str) -> tuple[Vehicle, TripEvidence, SegmentTable]:
     """Return a car on the road without values from a data set, the evidence of its trips, and the table of their segments."""
     vehicle = on_road(without_data(car.vehicle, dataset))
-    trips = in_order(car.trips)
-    table = segment_trips(trips, vehicle)
+    table = segment_trips(in_order(car.trips), vehicle)
     return vehicle, TripEvidence.from_table(table, vehicle), table
 
 
@@ -253,7 +252,6 @@ def _score(
 ) -> tuple[dict[str, Any], pd.DataFrame]:
     """Score one car by the population of the others; return its entry in the results and the table of its trips."""
     vehicle, evidence, table = evidence_of(car, car.dataset)
-    base = load_model()
     observed = evidence.observed_wh
     published = without_data(car.vehicle, car.dataset)
     experts = others.experts(published)
@@ -269,7 +267,7 @@ def _score(
         name: _curve(learner, evidence, [k for k in trips if k or name == "population"], draws, seed)
         for name, learner in learners.items()
     }
-    without_trips, in_time = _in_time(car, base, published, others)
+    without_trips, in_time = _in_time(car, published, others)
     mean, _ = experts.predict(evidence)
     error = evidence.residual_wh - mean
     # score everything on the second half, also what is not fitted to the first half
@@ -390,11 +388,9 @@ def _own_model(vehicle: Vehicle, table: SegmentTable) -> dict[str, float]:
     return _error(residual, second.totals_wh(second.observed_power_w))
 
 
-def _in_time(
-    car: CarTrips, base: ForecastModel, vehicle: Vehicle, others: Population
-) -> tuple[pd.DataFrame, pd.DataFrame]:
+def _in_time(car: CarTrips, vehicle: Vehicle, others: Population) -> tuple[pd.DataFrame, pd.DataFrame]:
     """Return tables of forecasts in order of time: without own trips, and fitted to all earlier ones, with the weights of each kind."""
-    adaptation = Adaptation.before_trips(base, vehicle, others)
+    adaptation = Adaptation.before_trips(load_model(), vehicle, others)
     without_trips = adaptation.model
     tables: tuple[list[object], list[object]] = [], []
     for trip in in_order(car.trips):
