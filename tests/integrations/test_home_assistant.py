@@ -376,6 +376,22 @@ def test_a_service_whose_stream_is_refused_is_asked_until_it_is_open(
         hass(f"/config/config_entries/entry/{entry['entry_id']}", method="DELETE")
 
 
+def settled(hass: HomeAssistant, several: Served) -> tuple[dict[str, str], dict[str, float]]:
+    """Figures of the car `driven`, and those of its document once it is the same for two seconds."""
+    before, now = None, several.get("/v1/live/driven")["forecast"]
+    while before != now:
+        time.sleep(2.0)
+        before, now = now, several.get("/v1/live/driven")["forecast"]
+    wanted = {
+        "arrival": 100.0 * now["soc_quantiles"]["0.5"],
+        "arrival_low": 100.0 * now["soc_quantiles"]["0.05"],
+        "arrival_high": 100.0 * now["soc_quantiles"]["0.95"],
+        "p_arrive": 100.0 * now["p_arrive"],
+        "energy": now["energy_wh"] / 1000.0,
+    }
+    return hass.figures("driven"), wanted
+
+
 def test_states_follow_a_car_that_drives(hass: HomeAssistant, several: Served) -> None:
     table = example_trip()
     begins = time.time() - float(table["time_s"].iloc[-1]) - 60.0
@@ -390,14 +406,7 @@ def test_states_follow_a_car_that_drives(hass: HomeAssistant, several: Served) -
         live = several.get("/v1/live/driven")
         assert live["trip"] is not None
         wait_until(soc_of(hass, "driven"), str(100.0 * live["soc"]))
-        figures, forecast = hass.figures("driven"), live["forecast"]
-        wanted = {
-            "arrival": 100.0 * forecast["soc_quantiles"]["0.5"],
-            "arrival_low": 100.0 * forecast["soc_quantiles"]["0.05"],
-            "arrival_high": 100.0 * forecast["soc_quantiles"]["0.95"],
-            "p_arrive": 100.0 * forecast["p_arrive"],
-            "energy": forecast["energy_wh"] / 1000.0,
-        }
+        figures, wanted = settled(hass, several)
         assert {key: float(figures[key]) for key in wanted} == pytest.approx(wanted)
         assert figures["charge"] == figures["need"] == "unknown"  # of the next trip: not on a trip
         seen.append(wanted)
