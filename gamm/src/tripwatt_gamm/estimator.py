@@ -357,15 +357,15 @@ class Estimator:
         if groups is None:
             raise InvalidInput.of("no groups", "leave_groups_out", "groups is None", "a group for each row")
         offset = self._offset(offset)
-        data, work, settings = self._work(frame, y, groups, weights, offset)
+        _, work, settings = self._work(frame, y, groups, weights, offset)
         units = work.groups if folds is None else self._groups(frame, folds)
-        at_rows = None
+        place, at_units = frame, units
         if at is not None:
             labels = _labels(frame, groups if folds is None else folds)
             raise_faults(_column_faults(at, work.design.terms, work.design.training.levels))
-            at_rows = at, _codes(at, at_folds, labels, "at_folds=")
-        known = 0.0 if offset is None else data.offset if at is None else row_values(at, offset, "offset=")
-        eta, self.folds_ = leave_out(work, frame, units, settings, at_rows)
+            place, at_units = at, _codes(at, at_folds, labels, "at_folds=")
+        known = 0.0 if offset is None else row_values(place, offset, "offset=")
+        eta, self.folds_ = leave_out(work, units, settings, place, at_units)
         return settings.family.link.mean(eta + known)
 
     def _formula(self) -> Formula:

@@ -100,14 +100,9 @@ class Work:
 
 
 def _fold(
-    work: Work,
-    frame: pd.DataFrame,
-    held: BoolArray,
-    total: NormalEquations,
-    settings: FitSettings,
-    wanted: pd.DataFrame | None = None,
+    work: Work, piece: pd.DataFrame, held: BoolArray, total: NormalEquations, settings: FitSettings
 ) -> tuple[FloatArray, dict[str, int | bool]]:
-    """Fit without the rows held out; return predictions of these rows (or of `wanted`) and a report of the fit."""
+    """Fit without the rows held out; return predictions of the rows `piece` and a report of the fit."""
     held_rows, kept = np.flatnonzero(held).astype(np.intp), np.flatnonzero(~held).astype(np.intp)
     # in a difference the last digits would still depend on the held-out response
     exact = len(held) <= EXACT_ROWS
@@ -120,7 +115,6 @@ def _fold(
     beta = np.zeros(design.rows.p)
     beta[active] = solution.beta
     training = design.coverage.training(~held)
-    piece = frame.iloc[held_rows] if wanted is None else wanted
     if design.terms[0].extrapolation == "clamp":
         piece = training.clamp_frame(piece)
     prediction = np.zeros(len(piece))
@@ -132,11 +126,7 @@ def _fold(
 
 
 def leave_out(
-    work: Work,
-    frame: pd.DataFrame,
-    folds: Index,
-    settings: FitSettings,
-    at: tuple[pd.DataFrame, Index] | None = None,
+    work: Work, folds: Index, settings: FitSettings, at: pd.DataFrame, at_folds: Index
 ) -> tuple[FloatArray, pd.DataFrame]:
     """Predict each fold from all other rows.
 
@@ -144,17 +134,18 @@ def leave_out(
     ----------
     work : Work
         All rows; the bases of the design depend on covariates only.
-    frame : DataFrame
     folds : ndarray (n,)
         Codes of the units to leave out.
     settings : FitSettings
-    at : (DataFrame, ndarray of int), optional
-        Rows to predict instead of those of the fit, and the fold of each: the fit without this fold predicts the row.
+    at : DataFrame
+        Rows to predict.
+    at_folds : ndarray of int
+        Fold of each row of `at`: the fit without this fold predicts the row.
 
     Returns
     -------
-    predictions : ndarray (n,), or one for each row of `at`
-        Linear predictors without their offset.
+    predictions : ndarray
+        Linear predictors of the rows of `at`, without their offset.
     report : DataFrame
         One row per fold: rows, converged, n_iter.
 
@@ -167,11 +158,9 @@ def leave_out(
     if count < 2:
         raise InvalidInput.of("only one group", "leave_groups_out", "1 fold", "two or more")
     work, total = work.identified(work.sums(all_rows), all_rows)
-    wanted_folds = folds if at is None else at[1]
-    predictions, reports = np.empty(len(wanted_folds)), []
+    predictions, reports = np.empty(len(at)), []
     for fold in range(count):
-        rows = wanted_folds == fold
-        wanted = None if at is None else at[0][rows]
-        predictions[rows], report = _fold(work, frame, folds == fold, total, settings, wanted)
+        rows = at_folds == fold
+        predictions[rows], report = _fold(work, at[rows], folds == fold, total, settings)
         reports.append(report)
     return predictions, pd.DataFrame(reports)
