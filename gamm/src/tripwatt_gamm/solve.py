@@ -117,19 +117,15 @@ def _gaussian(
     return min(successful, key=lambda fit: (not fit.end.converged, fit.score), default=None)
 
 
-def _subset_start(
-    rows: TableRows, y: FloatArray, stack: PenaltyStack, settings: FitSettings
-) -> FloatArray | None:
+def _subset_start(iteration: PerformanceIteration, settings: FitSettings) -> FloatArray | None:
     """Start from a fit to evenly spaced rows; returns None if rows are too few or that fit fails."""
-    step = rows.n // THIN_ROWS
+    stack, step = iteration.stack, iteration.rows.n // THIN_ROWS
     if step < 2:
         return None
-    chosen = np.arange(0, rows.n, step, dtype=np.intp)
-    rows, y = rows.subset(chosen), y[chosen]
-    family, data = settings.family, NormalEquations.of_rows(rows, y).rotated(stack)
-    assert isinstance(family, ScaledT)
-    iteration = PerformanceIteration(rows, y, data, stack, family, settings.rho)
-    iterated = iteration.run(None, 100 * settings.tolerance, settings.max_iter)
+    chosen = np.arange(0, iteration.rows.n, step, dtype=np.intp)
+    rows, y = iteration.rows.subset(chosen), iteration.y[chosen]
+    thinned = replace(iteration, rows=rows, y=y, data=NormalEquations.of_rows(rows, y).rotated(stack))
+    iterated = thinned.run(None, 100 * settings.tolerance, settings.max_iter)
     if iterated is None:
         return None
     return np.concatenate([stack.rotate(iterated.beta), iterated.rho, iterated.theta])
@@ -142,7 +138,7 @@ def _scaled_t(
     family = settings.family
     assert isinstance(family, ScaledT)
     iteration = PerformanceIteration(rows, y, data, stack, family, settings.rho)
-    start = _subset_start(rows, y, stack, settings)
+    start = _subset_start(iteration, settings)
     exact = settings.method == "REML"
     iterated = iteration.run(start, settings.tolerance * (100 if exact else 1), settings.max_iter)
     if iterated is None or not exact:
