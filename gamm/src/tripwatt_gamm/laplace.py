@@ -24,6 +24,7 @@ STEP = 1e-4
 
 
 MODE_STEPS = 200
+TOLERANCE = 1e-6
 """Largest number of Newton steps to a mode: a choice, because few take more than twenty."""
 
 
@@ -150,13 +151,7 @@ class LaplaceModel:
 
 
 def fit_laplace(
-    model: LaplaceModel,
-    rho: FloatArray,
-    theta: FloatArray,
-    gram: Gram,
-    fixed: bool = False,
-    tolerance: float = 1e-6,
-    max_iter: int = 100,
+    model: LaplaceModel, rho: FloatArray, theta: FloatArray, gram: Gram, fixed: bool, max_iter: int
 ) -> Solution | None:
     """Minimise the Laplace REML score over smoothing parameters and the parameters of the family.
 
@@ -170,8 +165,8 @@ def fit_laplace(
     gram : Gram
         X'X in rotated coordinates.
     fixed : bool
-    tolerance, max_iter
-        Settings of Newton's method.
+    max_iter : int
+        Largest number of steps of Newton's method.
 
     Returns
     -------
@@ -194,7 +189,7 @@ def fit_laplace(
     x, end = full[free], End(np.zeros((0, 0)), True, 0, "all parameters were given")
     if free.any():
         limits = lower[free], upper[free]
-        x, end = minimise(lambda x: model.value(at(x), free), x, *limits, tolerance, max_iter)
+        x, end = minimise(lambda x: model.value(at(x), free), x, *limits, TOLERANCE, max_iter)
     mode = model.mode(at(x))
     if mode is None:
         return None

@@ -147,7 +147,7 @@ def _scaled_t(
     # at the bound of nu the score is flat in the log of its excess: Newton's method would not leave it
     theta = np.where(family.free & [True, False], np.maximum(iterated.theta, 0.0), iterated.theta)
     fixed = settings.rho is not None
-    return fit_laplace(model, iterated.rho, theta, data.gram, fixed, max_iter=settings.max_iter)
+    return fit_laplace(model, iterated.rho, theta, data.gram, fixed, settings.max_iter)
 
 
 def _laplace(problem: Problem, response: Response, data: NormalEquations) -> Solution | None:
@@ -161,7 +161,7 @@ def _laplace(problem: Problem, response: Response, data: NormalEquations) -> Sol
     theta = family.first(response, eta)
     rho = start.rho - start.theta + theta if given is None else given
     model = LaplaceModel(problem.rows, response, stack, family, stack.rotate(start.beta))
-    return fit_laplace(model, rho, theta, data.gram, given is not None, max_iter=problem.settings.max_iter)
+    return fit_laplace(model, rho, theta, data.gram, given is not None, problem.settings.max_iter)
 
 
 def _fit_at(problem: Problem, rho: float) -> Solution | None:
