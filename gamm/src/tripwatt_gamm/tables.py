@@ -109,15 +109,12 @@ class TableRows:
         self.effects = [part for part in parts if part.table is None]
         self.d = p - sum(len(part.columns) for part in self.effects)
 
-    def subset(self, rows: Index | None = None, columns: Index | None = None) -> TableRows:
+    def subset(self, rows: Index, columns: Index | None = None) -> TableRows:
         """Return some rows, in the given order, and some columns."""
-        parts = self.parts
-        if rows is not None:
-            parts = [
-                replace(part, index=part.index[rows], scale=None if part.scale is None else part.scale[rows])
-                for part in parts
-            ]
-        p = self.p
+        parts, p = [], self.p
+        for part in self.parts:
+            scale = None if part.scale is None else part.scale[rows]
+            parts.append(replace(part, index=part.index[rows], scale=scale))
         if columns is not None:
             position = np.full(self.p, -1)
             position[columns] = np.arange(len(columns))
@@ -128,7 +125,7 @@ class TableRows:
                     table = None if part.table is None else part.table[:, wanted]
                     kept.append(replace(part, columns=position[part.columns[wanted]], table=table))
             parts, p = kept, len(columns)
-        return TableRows(parts, self.n if rows is None else len(rows), p)
+        return TableRows(parts, len(rows), p)
 
     def scaled(self, factor: FloatArray) -> TableRows:
         """Return the rows, each times its factor (n,)."""
