@@ -166,10 +166,9 @@ def _random_effect_test(
     fixed = np.setdiff1d(np.arange(len(gram)), np.concatenate([index, random]))
     covariance, weighted = _null_model(system, index, random)
     b = coef[index]
-    explained = weighted[np.ix_(index, index)]  # M of the notes
-    if fixed.size:
-        cross = weighted[np.ix_(fixed, index)]
-        explained = explained - cross.T @ _solve((weighted + penalty)[np.ix_(fixed, fixed)], cross)
+    cross = weighted[np.ix_(fixed, index)]
+    unexplained = cross.T @ _solve((weighted + penalty)[np.ix_(fixed, fixed)], cross)
+    explained = weighted[np.ix_(index, index)] - unexplained  # M of the notes
     penalised = explained + penalty[np.ix_(index, index)]
     total = float(b @ penalised @ b)
     values, vectors = np.linalg.eigh(penalised)
@@ -196,8 +195,6 @@ def _null_model(system: Matrices, index: Index, random: Index) -> tuple[FloatArr
     gram, penalty = system
     rows = _solve(gram + penalty, np.eye(len(gram))[:, index]).T
     covariance = rows @ gram @ rows.T
-    if random.size == 0:
-        return covariance, gram
     psi_inverse = penalty[np.ix_(random, random)]
     random_part = (rows @ gram)[:, random]
     covariance = covariance + random_part @ _solve(psi_inverse, random_part.T)
@@ -208,7 +205,9 @@ def _solve(a: FloatArray, b: FloatArray) -> FloatArray:
     """Solve a symmetric non-negative definite system, scaled to unit diagonal, without directions that are rounding."""
     d = np.sqrt(np.where(np.diag(a) > 0, np.diag(a), 1.0))[:, None]
     values, vectors = np.linalg.eigh(a / d / d.T)
-    kept = values > 1e-14 * values[-1]  # the matrix has no negative eigenvalue: those are rounding as well
+    kept = values > 1e-14 * values.max(
+        initial=0.0
+    )  # the matrix has no negative eigenvalue: those are rounding as well
     return np.asarray((vectors[:, kept] / values[kept]) @ (vectors[:, kept].T @ (b / d)) / d)
 
 
