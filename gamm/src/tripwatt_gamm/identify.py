@@ -71,12 +71,9 @@ def identify(design: Design, gram: FloatArray) -> Design:
         reduced = involved[ranks.index(max(ranks))]
         other_labels = ", ".join(b.label for b in involved if b is not reduced) or "itself"
         if reduced.kind == "parametric":
-            column = reduced.start + int(
-                np.flatnonzero(np.abs(null[reduced.slice]).max(axis=1) > MIN_PART)[-1]
-            )
-            design.empty.append(column)
-            name = reduced.names[column - reduced.start]
-            design.notes.append(f"{name} is a linear combination of {other_labels}: held at 0")
+            last = int(np.flatnonzero(np.abs(null[reduced.slice]).max(axis=1) > MIN_PART)[-1])
+            design.empty.append(reduced.start + last)
+            design.notes.append(f"{reduced.names[last]} is a linear combination of {other_labels}: held at 0")
             continue
         directions = null[reduced.slice] * scale[reduced.slice, None]
         U, sizes, _ = np.linalg.svd(directions)
