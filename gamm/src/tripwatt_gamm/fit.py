@@ -10,7 +10,8 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import NamedTuple, TypeAlias
+from functools import partial
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -23,7 +24,7 @@ from tripwatt_gamm.tables import Whitening
 LAST_STEP = 1e-3
 """Longest step that is taken without a comparison of scores: a choice, far below the spread of a log smoothing parameter."""
 
-Value: TypeAlias = tuple[float, FloatArray, FloatArray]
+Value: TypeAlias = tuple[float, FloatArray, FloatArray, *tuple[Any, ...]]
 
 
 class End(NamedTuple):
@@ -74,8 +75,7 @@ class Solution:
     loadings: FloatArray = field(default_factory=lambda: np.zeros(0))
 
 
-@dataclass(frozen=True)
-class Evaluation:
+class Evaluation(NamedTuple):
     """REML score of a gaussian working model, its derivatives and its ingredients, in rotated coordinates."""
 
     value: float
@@ -197,7 +197,7 @@ def minimise(
     if current is None:
         return x, End(np.eye(len(x)), False, 0, "the score cannot be evaluated")
     for iteration in range(1, max_iter + 1):
-        value, gradient, hessian = current
+        value, gradient, hessian, *_ = current
         step = newton_step(gradient, hessian, x, lower, upper)
         gain = -float(gradient @ step)
         if gain <= tolerance**1.5 * (1 + abs(value) / 1000) or not step.any():
@@ -261,11 +261,7 @@ def fit_gaussian(
     start = rho if rho is not None else lower - LOG_RATIO[0] - 3 + shift
     x, end = start, End(np.zeros((0, 0)), True, 0, "smoothing parameters were given")
     if not fixed and stack.size:
-
-        def score(x: FloatArray) -> Value | None:
-            scored = gaussian_score(data, stack, x, scale)
-            return None if scored is None else (scored.value, scored.gradient, scored.hessian)
-
+        score = partial(gaussian_score, data, stack, scale=scale)
         x, end = minimise(score, start, lower, upper, tolerance, max_iter)
     scored = gaussian_score(data, stack, x, scale, derivatives=False)
     if scored is None:
