@@ -24,11 +24,10 @@ _ARGUMENTS: Final = ("bs", "k", "by", "knots")
 _TERMS_ALLOWED: Final = (
     "a column, a:b, a*b, a/b, s(...), te(...), ti(...), (1 + x | group), offset(x), 1, 0 or -1, joined by +"
 )
-_QUOTED: Final = re.compile(r"`([^`]*)`")
 _MASKED: Final = re.compile(r"(`[^`]*`|[^\W\d][\w.]*)(\s*:\s*(`[^`]*`|[^\W\d][\w.]*))+|`[^`]*`")
 _COLUMN: Final = re.compile(r"`([^`]*)`|([^\s:`]+)")
 _MASK: Final = re.compile(r"ǂ(\d+)ǂ*")  # Python reads ǂ as a letter; no column is likely to start with it
-_PLAIN_NAME: Final = re.compile(r"[^\W\d]\w*(\.[^\W\d]\w*)*")
+_RESPONSE: Final = re.compile(r"`([^`]*)`|([^\W\d]\w*(?:\.[^\W\d]\w*)*)?")
 
 
 class _Unreadable(Exception):
@@ -338,15 +337,13 @@ def parse_formula(text: str) -> Formula:
 def _response(reader: _Reader, left: str) -> str | None:
     """Name of the response, None without one; note a fault if the left side is not one column."""
     name = left.strip()
-    quoted = _QUOTED.fullmatch(name)
-    if quoted:
-        return quoted[1]
-    if name and not _PLAIN_NAME.fullmatch(name):
+    hit = _RESPONSE.fullmatch(name)
+    if hit is None:
         fix = "compute a transformed response beforehand, write odd names in `backticks`"
         reader.faults.append(
             Fault("response is not a column", "left of ~ at character 1", name, "one column", fix)
         )
-    return name or None
+    return hit and (hit[2] if hit[1] is None else hit[1])
 
 
 def _syntax_fault(error: SyntaxError | ValueError, text: str, offset: int) -> Fault:
