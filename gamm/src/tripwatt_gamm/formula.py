@@ -13,6 +13,7 @@ import difflib
 import re
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field, replace
+from itertools import count
 from typing import Final, NoReturn, cast, get_args
 
 from tripwatt_gamm.errors import Fault, InvalidInput, raise_faults
@@ -266,17 +267,6 @@ def _summands(node: ast.expr, sign: int = 1) -> Iterator[tuple[int, ast.expr]]:
             yield s, top
 
 
-def _mask(text: str) -> tuple[str, tuple[str, ...]]:
-    """Replace `quoted names` and interactions a:b by identifiers, of the same length if possible; return both texts."""
-    masked: list[str] = []
-
-    def replace(hit: re.Match[str]) -> str:
-        masked.append(hit[0])
-        return f"ǂ{len(masked) - 1}".ljust(len(hit[0]), "ǂ")
-
-    return _MASKED.sub(replace, text), tuple(masked)
-
-
 def parse_formula(text: str) -> Formula:
     """Read a formula in mgcv's style.
 
@@ -310,13 +300,16 @@ def parse_formula(text: str) -> Formula:
     """
     left, tilde, right = text.partition("~")
     if not tilde or "~" in right:
-        count = text.count("~")
-        raise InvalidInput.of("wrong number of ~", repr(text), f"{count} of them", "response ~ terms")
+        got = f"{text.count('~')} of them"
+        raise InvalidInput.of("wrong number of ~", repr(text), got, "response ~ terms")
     if not right.strip():
         raise InvalidInput.of("no terms", f"right of ~ in {text!r}", "nothing", _TERMS_ALLOWED)
     # R allows a line break inside a sum, Python only within brackets; the opening bracket is part of `offset`
     flat = right.replace("\n", " ").replace("\t", " ").replace("\r", " ")
-    plain, masked = _mask(flat)
+    masked, numbers = tuple(hit[0] for hit in _MASKED.finditer(flat)), count()
+    plain = _MASKED.sub(
+        lambda hit: f"ǂ{next(numbers)}".ljust(len(hit[0]), "ǂ"), flat
+    )  # `ast` keeps positions
     source = f"({plain.replace('||', '>>')})"  # of the same rank beside + and |, and Python reads it
     reader = _Reader(source, len(left) + len(tilde) - 1, masked)
     response = _response(reader, left)
