@@ -88,28 +88,25 @@ class FittedTerm:
         blocks = [PenaltyBlock.from_matrices(0, self.matrices)] if self.matrices else []
         return self.size - sum(self.copies * block.rank for block in blocks)
 
-    def matrix(self, frame: pd.DataFrame, training: Training | None = None) -> FloatArray:
+    def matrix(self, frame: pd.DataFrame) -> FloatArray:
         """Compute the columns of the term at the rows of a frame.
 
         Parameters
         ----------
         frame : DataFrame
             Columns of the term, finite.
-        training : Training, optional
-            Ranges and levels that count as known; default: those of the fit.
 
         Returns
         -------
         ndarray (n, size)
         """
-        ranges = training if training is not None else self.training
         if self.term is None:
             return np.ones((len(frame), 1))
         if isinstance(self.term, RandomEffect):
             return self._random(frame)
         if isinstance(self.term, Parametric):
-            return self._parametric(frame, self.term.columns, ranges)
-        return self._smooth(frame, ranges)
+            return self._parametric(frame, self.term.columns)
+        return self._smooth(frame)
 
     @property
     def needed(self) -> tuple[str, ...]:
@@ -142,24 +139,26 @@ class FittedTerm:
             [indicator if x is None else indicator * x[:, None] for x in self.multipliers(numbers)]
         )
 
-    def _parametric(self, frame: pd.DataFrame, names: tuple[str, ...], ranges: Training) -> FloatArray:
+    def _parametric(self, frame: pd.DataFrame, names: tuple[str, ...]) -> FloatArray:
         """Columns of a parametric term; outside its range a numeric one is held or continued by `extrapolation`."""
         product = np.ones((len(frame), 1))
         for name in names:
             if name in self.contrasts:
-                levels = ranges.levels[name]
+                levels = self.training.levels[name]
                 piece = levels.rows(levels.codes(frame[name])) @ self.contrasts[name]
             else:
                 piece = frame[name].to_numpy(dtype=np.float64)[:, None]
-                piece = piece if self.extrapolation == "linear" else ranges.supports[(name,)].clamp(piece)
+                piece = (
+                    piece if self.extrapolation == "linear" else self.training.supports[(name,)].clamp(piece)
+                )
             product = (product[:, :, None] * piece[:, None, :]).reshape(len(frame), -1)
         return product
 
-    def _smooth(self, frame: pd.DataFrame, ranges: Training) -> FloatArray:
+    def _smooth(self, frame: pd.DataFrame) -> FloatArray:
         """Columns of a smooth, times its by-variable or the indicator of its level; outside its range by `extrapolation`."""
         assert isinstance(self.term, Smooth | Tensor)
         assert self.smoother is not None
-        weight = self._by_weight(frame, ranges)
+        weight = self._by_weight(frame)
         columns = np.zeros((len(frame), self.size))
         affected = np.flatnonzero(weight)
         names = list(self.term.names)
@@ -167,13 +166,13 @@ class FittedTerm:
         if not len(x):
             return columns
         points = Points.from_values(x)
-        support = ranges.supports[self.term.names]
+        support = self.training.supports[self.term.names]
         cyclic = self.term.basis == "cc"  # continues periodically
         table = self.smoother.matrix(points.values if cyclic else support.clamp(points.values))
         if self.extrapolation == "linear" and points.values.shape[1] == 1 and not cyclic:
             table = table + self._slope(points.values, support)
         if self.term.basis == "fs" and self.by is not None:
-            levels = ranges.levels[self.by]
+            levels = self.training.levels[self.by]
             indicator = np.eye(len(levels.names) + 1)[levels.codes(frame[self.by]), :-1]
             return (table[points.index][:, :, None] * indicator[:, None, :]).reshape(len(frame), -1)
         columns[affected] = table[points.index] * weight[affected, None]
@@ -189,12 +188,12 @@ class FittedTerm:
         below, above = np.minimum(x - low, 0.0), np.maximum(x - high, 0.0)
         return np.asarray(below * (B[1] - B[0]) / h + above * (B[3] - B[2]) / h)
 
-    def _by_weight(self, frame: pd.DataFrame, ranges: Training) -> FloatArray:
+    def _by_weight(self, frame: pd.DataFrame) -> FloatArray:
         """Multiplier (n,) of a smooth: 1, the numeric by-variable, or the indicator of its level (for an unknown level, its share)."""
         if self.by is None or (isinstance(self.term, Smooth) and self.term.basis == "fs"):
             return np.ones(len(frame))
         if self.level is None:
             return frame[self.by].to_numpy(dtype=np.float64)
-        levels = ranges.levels[self.by]
+        levels = self.training.levels[self.by]
         column = levels.rows(levels.codes(frame[self.by]))
         return np.asarray(column[:, levels.names.index(self.level)])

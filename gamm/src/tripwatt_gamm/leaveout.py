@@ -120,7 +120,7 @@ def _fold(
     prediction = np.zeros(len(piece))
     for fitted in design.terms:
         if fitted.kind != "random" or beta[fitted.slice].any():
-            prediction += fitted.matrix(piece, training) @ beta[fitted.slice]
+            prediction += replace(fitted, training=training).matrix(piece) @ beta[fitted.slice]
     end = solution.end
     return prediction, {"rows": len(held_rows), "converged": end.converged, "n_iter": end.n_iter}
 
