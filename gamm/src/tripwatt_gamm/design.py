@@ -6,7 +6,7 @@ a row of X joins one row of each table.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TypeAlias
 
@@ -296,7 +296,7 @@ class _Builder:
         built = select_null_space(built) if self.select else built
         self.notes += built.notes
         if not by_factor:
-            fitted = self._fitted_term(term, built, None, term.label)
+            fitted = self._fitted_term(term, built, term.label)
             if by is not None and term.by is not None:
                 self.coverage.members[term.names, term.by, None] = by != 0
             self.terms.append(fitted)
@@ -312,7 +312,7 @@ class _Builder:
         parts: _LevelParts = []
         for i in range(first, len(levels.names)):
             name = levels.names[i]
-            fitted = self._fitted_term(term, built, name, term.label + name)
+            fitted = replace(self._fitted_term(term, built, term.label + name), level=name)
             self.coverage.members[term.names, term.by, name] = codes == i
             parts.append((i, fitted, slice(None)))
         self.terms += [fitted for _, fitted, _ in parts]
@@ -333,19 +333,16 @@ class _Builder:
             raise InvalidInput.of("a number for a factor", term.label, repr(by), "a factor", fix)
         (levels, codes), built = self.factor((by,)), build_factor_smooth(term, points)
         self.notes += built.notes
-        count, matrices = len(levels.names), built.penalties
-        names = [f"{term.label}.{i + 1}" for i in range(built.table.shape[1] * count)]
-        fitted = FittedTerm(
-            term.label, term, "smooth", names, matrices, copies=count, smoother=built.smoother, by=by
-        )
+        count = len(levels.names)
+        fitted = self._fitted_term(term, built, term.label, count)
         self.terms.append(fitted)
         parts = [(i, fitted, slice(i, None, count)) for i in range(count)]
         self._level_pieces(built, points.index, codes, parts)
 
-    def _fitted_term(self, term: Smooth | Tensor, built: Built, level: str | None, label: str) -> FittedTerm:
-        names = [f"{label}.{i + 1}" for i in range(built.table.shape[1])]
+    def _fitted_term(self, term: Smooth | Tensor, built: Built, label: str, copies: int = 1) -> FittedTerm:
+        names, matrices = [f"{label}.{i + 1}" for i in range(built.table.shape[1] * copies)], built.penalties
         return FittedTerm(
-            label, term, "smooth", names, built.penalties, smoother=built.smoother, by=term.by, level=level
+            label, term, "smooth", names, matrices, smoother=built.smoother, by=term.by, copies=copies
         )
 
     def design(self) -> Design:
