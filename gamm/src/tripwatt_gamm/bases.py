@@ -287,15 +287,3 @@ def thin_plate(points: FloatArray, counts: FloatArray, k: int, order: int) -> Th
     scale[scale == 0] = 1.0
     S = S / np.outer(scale, scale)
     return ThinPlate(knots, shift, loadings, scale, (S + S.T) / 2, order)
-
-
-def cubic_regression(
-    points: FloatArray, k: int, cyclic: bool = False, knots: tuple[float, ...] = ()
-) -> CubicRegression:
-    """Build a cubic regression spline with `k` knots: those given, or even quantiles of the distinct values `points` (n,).
-
-    Two given `knots` are the ends of a period, and count as distinct values.
-    """
-    if len(knots) < 3:
-        return CubicRegression(np.quantile(np.union1d(points, knots), np.linspace(0, 1, k)), cyclic)
-    return CubicRegression(np.array(knots), cyclic)

@@ -9,7 +9,7 @@ from typing import TypeAlias
 import numpy as np
 
 from tripwatt_gamm.arrays import FloatArray
-from tripwatt_gamm.bases import CubicRegression, PSpline, ThinPlate, cubic_regression, thin_plate
+from tripwatt_gamm.bases import CubicRegression, PSpline, ThinPlate, thin_plate
 from tripwatt_gamm.covariates import Points
 from tripwatt_gamm.errors import InvalidInput
 from tripwatt_gamm.penalties import PenaltyBlock
@@ -129,7 +129,9 @@ def _basis(
     if kind == "ps":
         return PSpline(float(points.values[0, 0]), float(points.values[-1, 0]), k), notes
     if kind in ("cr", "cc"):
-        return cubic_regression(points.values[:, 0], k, kind == "cc", knots), notes
+        # two knots are the ends of a period, and count as distinct values
+        even = np.quantile(np.union1d(points.values[:, 0], knots), np.linspace(0, 1, k))
+        return CubicRegression(np.array(knots) if len(knots) > 2 else even, kind == "cc"), notes
     centred = points.values - points.values.mean(axis=0)
     centred = centred / np.maximum(np.abs(centred).max(axis=0), 1e-300)
     if np.linalg.matrix_rank(centred, tol=1e-9 * len(centred)) < d:
