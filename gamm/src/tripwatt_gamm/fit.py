@@ -87,7 +87,7 @@ class Evaluation(NamedTuple):
 
     def solution(self, data: NormalEquations, stack: PenaltyStack, rho: FloatArray, end: End) -> Solution:
         """Return the fit at these log smoothing parameters, in the coordinates of the model."""
-        covariance = stack.covariance(self.factor) * self.scale
+        covariance = stack.rotate_factor(self.factor).dense() * self.scale
         information = stack.rotate_gram(data.gram, back=True).dense() / self.scale
         beta, theta = stack.rotate(self.beta, back=True), np.array([math.log(self.scale)])
         slopes = -stack.rotate(self.factor.solve(stack.products(rho, self.beta)), back=True)

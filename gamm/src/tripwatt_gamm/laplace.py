@@ -199,7 +199,7 @@ def fit_laplace(
     absolute = model.split(at(x))[0]
     slopes = -stack.rotate(mode.factor.solve(stack.products(absolute, mode.beta)), back=True)
     penalised = stack.add_to(stack.rotate_gram(information), absolute)
-    covariance = stack.covariance(Factor.from_gram(penalised) or mode.factor)
+    covariance = stack.rotate_factor(Factor.from_gram(penalised) or mode.factor).dense()
     end = end._replace(hessian=np.zeros((0, 0))) if fixed else end
     score, beta = model.score(at(x), mode), stack.rotate(mode.beta, back=True)
     return Solution(beta, rho, slopes, theta, score, covariance, information.dense(), end)

@@ -213,10 +213,6 @@ class PenaltyStack:
         """Rotate an inverse back to the coordinates of the model."""
         return replace(factor, root=self.rotate(factor.root, back=True))
 
-    def covariance(self, factor: Factor) -> FloatArray:
-        """Form the inverse (p, p) in the coordinates of the model."""
-        return self.rotate_factor(factor).dense()
-
     def _of_levels(self, rho: FloatArray, blocks: FloatArray) -> FloatArray:
         """Return lambda_j S_j of one level for every penalty j, as (M, q, q), for `blocks` of levels (q, q, L)."""
         q, _, count = blocks.shape
