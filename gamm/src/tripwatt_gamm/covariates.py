@@ -321,12 +321,9 @@ class Coverage:
 
 def response(frame: pd.DataFrame, y: object, name: str | None) -> FloatArray:
     """Read the response (n,) from the argument `y` or the column `name`; raise if it cannot be fitted."""
+    y = name if y is None else y
     if y is None:
-        if name is None:
-            raise InvalidInput.of(
-                "no response", "fit(frame, y)", "y is None", "y, or a formula with a left side"
-            )
-        y = name
+        raise InvalidInput.of("no response", "fit(frame, y)", "y is None", "y, or a formula with a left side")
     values = row_values(frame, y, "the response")
     if len(values) and np.ptp(values) == 0:
         got = f"{values[0]} in every row"
@@ -334,11 +331,17 @@ def response(frame: pd.DataFrame, y: object, name: str | None) -> FloatArray:
     return values
 
 
-def row_values(frame: pd.DataFrame, given: object, label: str) -> FloatArray:
-    """Read a number for each row (n,): the name of a column, a Series, which is aligned with the frame, or an array."""
+def named_column(frame: pd.DataFrame, given: object) -> object:
+    """Return the column of this name, or the given values; raise if the column is missing."""
     if isinstance(given, str):
         raise_faults(missing_columns(frame, [given]))
-        given = frame[given]
+        return frame[given]
+    return given
+
+
+def row_values(frame: pd.DataFrame, given: object, label: str) -> FloatArray:
+    """Read a number for each row (n,): the name of a column, a Series, which is aligned with the frame, or an array."""
+    given = named_column(frame, given)
     series = pd.Series(np.ravel(np.asarray(given))) if not isinstance(given, pd.Series) else given
     if len(series) != len(frame):
         got = f"{len(series)} values"

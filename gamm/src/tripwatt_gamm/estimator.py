@@ -12,7 +12,7 @@ import pandas as pd
 from scipy.stats import norm
 
 from tripwatt_gamm.arrays import BoolArray, FloatArray, Index
-from tripwatt_gamm.covariates import missing_columns, numbers, response, row_values
+from tripwatt_gamm.covariates import missing_columns, named_column, numbers, response, row_values
 from tripwatt_gamm.design import Design, build_design
 from tripwatt_gamm.errors import Fault, InvalidInput, NotFittedError, raise_faults
 from tripwatt_gamm.families import FAMILIES, Family, Link, Response, ScaledT
@@ -361,7 +361,7 @@ class Estimator:
         units = work.groups if folds is None else self._groups(frame, folds)
         place, at_units = frame, units
         if at is not None:
-            labels = _labels(frame, groups if folds is None else folds)
+            labels = np.asarray(named_column(frame, groups if folds is None else folds))
             raise_faults(_column_faults(at, work.design.terms, work.design.training.levels))
             place, at_units = at, _codes(at, at_folds, labels, "at_folds=")
         known = 0.0 if offset is None else row_values(place, offset, "offset=")
@@ -416,7 +416,7 @@ class Estimator:
         """Codes (n,) of groups given as labels or as a column; if `groups` is None, all rows form one group."""
         if groups is None:
             return np.zeros(len(frame), dtype=np.intp)
-        return _codes(frame, groups, _labels(frame, groups), "groups=")
+        return _codes(frame, groups, np.asarray(named_column(frame, groups)), "groups=")
 
     def _checked(self, frame: pd.DataFrame, exclude: Collection[str]) -> list[FittedTerm]:
         """Return the terms of a prediction from a frame; raise if the model is not fitted, or a term or a column is faulty."""
@@ -444,17 +444,9 @@ def _given_logs(given: Sequence[float] | None, design: Design) -> FloatArray | N
     return np.log(values)
 
 
-def _labels(frame: pd.DataFrame, labels: object) -> npt.NDArray[Any]:
-    """Labels (n,) given as an array or as a column."""
-    if isinstance(labels, str):
-        raise_faults(missing_columns(frame, [labels]))
-        labels = frame[labels]
-    return np.asarray(labels)
-
-
 def _codes(frame: pd.DataFrame, labels: object, known: npt.NDArray[Any], where: str) -> Index:
     """Position (n,) of the label of each row among the `known` ones; raise if one is missing or unknown."""
-    given = np.empty(0) if labels is None else _labels(frame, labels)
+    given = np.empty(0) if labels is None else np.asarray(named_column(frame, labels))
     codes = pd.Index(pd.factorize(known)[1]).get_indexer(pd.Index(given))
     if len(codes) != len(frame) or (codes < 0).any():
         got = f"{len(codes)} labels, {int((codes < 0).sum())} missing or unknown"
