@@ -46,17 +46,16 @@ class Response:
 
 
 class Link(NamedTuple):
-    """Function that maps the mean to the linear predictor, its inverse, and the slope of the inverse."""
+    """Function that maps the mean to the linear predictor, and its inverse."""
 
     name: str
     predictor: Callable[[FloatArray], FloatArray]
     mean: Callable[[FloatArray], FloatArray]
-    slope: Callable[[FloatArray], FloatArray]
 
 
-IDENTITY = Link("identity", np.asarray, np.asarray, np.ones_like)
-LOG = Link("log", np.log, np.exp, np.exp)
-LOGIT = Link("logit", logit, expit, lambda eta: expit(eta) * expit(-eta))
+IDENTITY = Link("identity", np.asarray, np.asarray)
+LOG = Link("log", np.log, np.exp)
+LOGIT = Link("logit", logit, expit)
 
 
 class Family(ABC):
