@@ -8,8 +8,7 @@ tables at the end apply them to the parts of a model.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Final, TypeAlias
+from typing import TYPE_CHECKING, Final, NamedTuple, TypeAlias
 
 import numpy as np
 import pandas as pd
@@ -31,8 +30,7 @@ MIN_REMAINDER: Final = 1e-7
 """Share of a column up to which what remains after projection on other terms is rounding: some ten times as much."""
 
 
-@dataclass(frozen=True, slots=True)
-class TermTest:
+class TermTest(NamedTuple):
     """Outcome of the test that a term is zero.
 
     Attributes
@@ -326,6 +324,6 @@ def term_table(model: Estimator) -> pd.DataFrame:
             test = _random_effect_test(coef, system, columns[at], np.concatenate([columns[:0], *others]), df)
         else:
             test = smooth_test(coef[at], model.Vp_[at, at], model.R_[:, at], float(model.edf1_[at].sum()), df)
-        rows.append((float(model.edf_[at].sum()), test.ref_df, test.statistic, test.p_value))
+        rows.append((float(model.edf_[at].sum()), *test))
     index = pd.Index([fitted.label for fitted in smooth], name="term")
     return pd.DataFrame(rows, columns=["edf", "ref_df", "statistic", "p_value"], index=index, dtype=float)
