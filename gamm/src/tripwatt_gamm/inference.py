@@ -171,18 +171,14 @@ def _random_effect_test(
     total = float(b @ penalised @ b)
     values, vectors = np.linalg.eigh(penalised)
     half = vectors * np.sqrt(np.clip(values, 0.0, None))
-    rank = _rank(explained, np.diag(gram)[index])
+    size = np.diag(gram)[index]  # what remains is compared with the columns before the projection
+    d = np.where(size > 0, size, 1.0) ** 0.5
+    rank = int((np.linalg.eigvalsh(explained / np.outer(d, d)) > MIN_REMAINDER).sum())
     if rank == 0:
         return TermTest(0.0, 0.0, 1.0)
     weights = np.clip(np.linalg.eigvalsh(half.T @ covariance @ half)[::-1][:rank], 0.0, None)
     p = _tail(total, weights, residual_df)
     return TermTest(float(weights.size), total if residual_df is None else total / weights.size, p)
-
-
-def _rank(a: FloatArray, size: FloatArray) -> int:
-    """Rank of the crossproduct `a` after projection on other terms; `size` is its diagonal before."""
-    d = np.where(size > 0, size, 1.0) ** 0.5
-    return int((np.linalg.eigvalsh(a / np.outer(d, d)) > MIN_REMAINDER).sum())
 
 
 def _null_model(system: Matrices, index: Index, random: Index) -> tuple[FloatArray, FloatArray]:
