@@ -30,13 +30,11 @@ TOO_FAR: Final = 0.1
 """Share of each range: a surface farther than this from every row of the data is not shown (the default of mgcv's plots)."""
 
 
-def _banded(
-    name: str, at: FloatArray | tuple[str, ...], effect: FloatArray, std_error: FloatArray, multiplier: float
-) -> pd.DataFrame:
-    """Tabulate effects with the ends of their intervals."""
-    table = pd.DataFrame({name: at, "effect": effect, "std_error": std_error})
-    half = multiplier * std_error
-    return table.assign(lower=effect - half, upper=effect + half)
+def _banded(name: str, at: FloatArray | tuple[str, ...], of: CurveEffect | FactorEffect) -> pd.DataFrame:
+    """Tabulate an effect with the ends of its intervals."""
+    table = pd.DataFrame({name: at, "effect": of.effect, "std_error": of.std_error})
+    half = of.multiplier * of.std_error
+    return table.assign(lower=of.effect - half, upper=of.effect + half)
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,7 +84,7 @@ class CurveEffect:
         DataFrame
             One row per point of the grid: the covariate, ``effect``, ``std_error``, ``lower``, ``upper``.
         """
-        return _banded(self.covariate, self.x, self.effect, self.std_error, self.multiplier)
+        return _banded(self.covariate, self.x, self)
 
     def plot(self, ax: Axes | None = None) -> Figure:
         """Draw the curve with its band.
@@ -319,7 +317,7 @@ class FactorEffect:
         DataFrame
             One row per level: ``level``, ``effect``, ``std_error``, ``lower``, ``upper``.
         """
-        return _banded("level", self.level, self.effect, self.std_error, self.multiplier)
+        return _banded("level", self.level, self)
 
     def plot(self, ax: Axes | None = None) -> Figure:
         """Draw the coefficients with their intervals.
