@@ -32,13 +32,7 @@ from tripwatt_gamm.covariates import (
 from tripwatt_gamm.errors import Fault, InvalidInput, raise_faults
 from tripwatt_gamm.fitted_terms import Extrapolation, FittedTerm
 from tripwatt_gamm.penalties import PenaltyBlock, PenaltyStack, correlated_penalties
-from tripwatt_gamm.smoothers import (
-    Built,
-    build_factor_smooth,
-    build_smooth,
-    build_tensor,
-    select_null_space,
-)
+from tripwatt_gamm.smoothers import Built, build, build_factor_smooth
 from tripwatt_gamm.tables import IndexedColumns, TableRows
 from tripwatt_gamm.terms import Formula, Parametric, RandomEffect, Smooth, Tensor
 
@@ -288,12 +282,7 @@ class _Builder:
         by_factor = term.by is not None and is_factor(self.frame[term.by])
         by = None if term.by is None or by_factor else self.frame[term.by].to_numpy(dtype=np.float64)
         centred = by is None or bool(np.ptp(by) == 0)
-        built = (
-            build_smooth(term, points, centred)
-            if isinstance(term, Smooth)
-            else build_tensor(term, points, centred)
-        )
-        built = select_null_space(built) if self.select else built
+        built = build(term, points, centred, self.select)
         self.notes += built.notes
         if not by_factor:
             fitted = self._fitted_term(term, built, term.label)

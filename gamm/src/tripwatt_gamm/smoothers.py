@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 
@@ -194,24 +195,6 @@ def build_factor_smooth(term: Smooth, points: Points) -> Built:
     return Built(Margin(basis, T), table, [_scale(np.diag(part), table) for part in parts.T], notes)
 
 
-def select_null_space(built: Built) -> Built:
-    """Add a penalty of the functions that no penalty reaches, so that the term can vanish (Marra & Wood 2011).
-
-    Parameters
-    ----------
-    built : Built
-
-    Returns
-    -------
-    Built
-        The given one if there are no such functions.
-    """
-    block = PenaltyBlock.from_matrices(0, built.penalties)
-    null = block.rotation[:, block.rank :]
-    extra = [_scale(null @ null.T, built.table)] if null.size else []
-    return replace(built, penalties=[*built.penalties, *extra])
-
-
 def _margin(term: Tensor, points: Points, column: int, k: int) -> tuple[Margin, FloatArray, list[str]]:
     """Build a margin, parametrised by its values at even points if they determine it (Wood 2006), with its penalty and notes.
 
@@ -268,3 +251,16 @@ def build_tensor(term: Tensor, points: Points, centred: bool) -> Built:
         Z = _sum_to_zero(np.average(table, axis=0, weights=points.counts))
         return Built(TensorProduct(margins, Z), table @ Z, [Z.T @ S @ Z for S in penalties], notes)
     return Built(product, table, penalties, notes)
+
+
+def build(term: Smooth | Tensor, points: Points, centred: bool, select: bool) -> Built:
+    """Build a smooth or a tensor product; `select` adds a penalty of the functions that no penalty reaches.
+
+    With it the term can vanish (Marra & Wood 2011).
+    """
+    make: Callable[[Any, Points, bool], Built] = build_tensor if isinstance(term, Tensor) else build_smooth
+    built = make(term, points, centred)
+    block = PenaltyBlock.from_matrices(0, built.penalties)
+    null = block.rotation[:, block.rank :]
+    extra = [_scale(null @ null.T, built.table)] if select and null.size else []
+    return replace(built, penalties=[*built.penalties, *extra])
