@@ -15,9 +15,6 @@ from tripwatt_gamm.arrays import BoolArray, FloatArray, Index
 from tripwatt_gamm.errors import Fault, InvalidInput, raise_faults
 from tripwatt_gamm.formula import nearest
 
-MAX_VALUES = 1000
-"""Largest number of distinct values of a discretised covariate: that of mgcv's `bam(discrete=TRUE)`."""
-
 MAX_JOINT = 10_000
 """Largest number of distinct points of a discretised set of covariates: a choice that bounds the length of a table."""
 

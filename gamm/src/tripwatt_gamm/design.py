@@ -17,7 +17,6 @@ from tripwatt_gamm.arrays import FloatArray, Index
 from tripwatt_gamm.covariates import (
     EXACT_ROWS,
     MAX_JOINT,
-    MAX_VALUES,
     Coverage,
     Levels,
     Points,
@@ -35,6 +34,9 @@ from tripwatt_gamm.penalties import PenaltyBlock, PenaltyStack, correlated_penal
 from tripwatt_gamm.smoothers import Built, build, build_factor_smooth
 from tripwatt_gamm.tables import IndexedColumns, TableRows
 from tripwatt_gamm.terms import Formula, Parametric, RandomEffect, Smooth, Tensor
+
+MAX_VALUES = 1000
+"""Largest number of distinct values of a discretised covariate: that of mgcv's `bam(discrete=TRUE)`."""
 
 MAX_SIZE_RATIO = 1e4
 """Largest ratio of the root mean squares of two correlated effects' columns: beyond its square, 1e8, their penalties are
