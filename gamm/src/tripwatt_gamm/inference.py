@@ -162,7 +162,10 @@ def _random_effect_test(
     """
     gram, penalty = system
     fixed = np.setdiff1d(np.arange(len(gram)), np.concatenate([index, random]))
-    covariance, weighted = _null_model(system, index, random)
+    rows = _solve(gram + penalty, np.eye(len(gram))[:, index]).T
+    crossed, precision = rows @ gram, penalty[np.ix_(random, random)]  # the inverse of Psi of the notes
+    covariance = crossed @ rows.T + crossed[:, random] @ _solve(precision, crossed[:, random].T)
+    weighted = gram + gram[:, random] @ _solve(precision, gram[random])  # X'W(I + Z_o Psi Z_o')WX
     b = coef[index]
     cross = weighted[np.ix_(fixed, index)]
     unexplained = cross.T @ _solve((weighted + penalty)[np.ix_(fixed, fixed)], cross)
@@ -179,20 +182,6 @@ def _random_effect_test(
     weights = np.clip(np.linalg.eigvalsh(half.T @ covariance @ half)[::-1][:rank], 0.0, None)
     p = _tail(total, weights, residual_df)
     return TermTest(float(weights.size), total if residual_df is None else total / weights.size, p)
-
-
-def _null_model(system: Matrices, index: Index, random: Index) -> tuple[FloatArray, FloatArray]:
-    """Return the covariance of the effects `index` if they have no variance and X'W(I + Z_o Psi Z_o')WX.
-
-    Z_o are the columns `random` of the other random effects, Psi is their variance.
-    """
-    gram, penalty = system
-    rows = _solve(gram + penalty, np.eye(len(gram))[:, index]).T
-    covariance = rows @ gram @ rows.T
-    psi_inverse = penalty[np.ix_(random, random)]
-    random_part = (rows @ gram)[:, random]
-    covariance = covariance + random_part @ _solve(psi_inverse, random_part.T)
-    return covariance, gram + gram[:, random] @ _solve(psi_inverse, gram[random])
 
 
 def _solve(a: FloatArray, b: FloatArray) -> FloatArray:
