@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 
 from tripwatt_gamm.arrays import FloatArray
-from tripwatt_gamm.covariates import Points, Support, Training, crossed
+from tripwatt_gamm.covariates import Points, Training, crossed
 from tripwatt_gamm.penalties import PenaltyBlock
 from tripwatt_gamm.smoothers import Smoother
 from tripwatt_gamm.terms import Parametric, RandomEffect, Smooth, Tensor, Term
@@ -170,23 +170,17 @@ class FittedTerm:
         cyclic = self.term.basis == "cc"  # continues periodically
         table = self.smoother.matrix(points.values if cyclic else support.clamp(points.values))
         if self.extrapolation == "linear" and points.values.shape[1] == 1 and not cyclic:
-            table = table + self._slope(points.values, support)
+            low, high = support.low, support.high
+            h = 1e-4 * (high - low)
+            B = self.smoother.matrix(np.stack([low, low + h, high - h, high]))
+            below, above = np.minimum(points.values - low, 0.0), np.maximum(points.values - high, 0.0)
+            table = table + (below * (B[1] - B[0]) / h + above * (B[3] - B[2]) / h)
         if self.term.basis == "fs" and self.by is not None:
             levels = self.training.levels[self.by]
             indicator = np.eye(len(levels.names) + 1)[levels.codes(frame[self.by]), :-1]
             return (table[points.index][:, :, None] * indicator[:, None, :]).reshape(len(frame), -1)
         columns[affected] = table[points.index] * weight[affected, None]
         return columns
-
-    def _slope(self, x: FloatArray, support: Support) -> FloatArray:
-        """Return what a straight-line continuation beyond the range adds to the clamped columns."""
-        assert self.smoother is not None
-        low, high = support.low, support.high
-        h = 1e-4 * (high - low)
-        ends = np.stack([low, low + h, high - h, high])
-        B = self.smoother.matrix(ends)
-        below, above = np.minimum(x - low, 0.0), np.maximum(x - high, 0.0)
-        return np.asarray(below * (B[1] - B[0]) / h + above * (B[3] - B[2]) / h)
 
     def _by_weight(self, frame: pd.DataFrame) -> FloatArray:
         """Multiplier (n,) of a smooth: 1, the numeric by-variable, or the indicator of its level (for an unknown level, its share)."""
