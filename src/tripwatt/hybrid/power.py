@@ -268,11 +268,6 @@ class GPCorrector(PowerCorrector):
         """Return an unfitted corrector with the same terms."""
         return GPCorrector(self.terms, self.share_column)
 
-    def predict(self, table: SegmentTable) -> FloatArray:
-        """Residual power [W]."""
-        rows = table.features
-        return self._mean(self.model.features(rows)[0], self.familiarity.share(rows), table)
-
     def outside_factor(self, table: SegmentTable) -> FloatArray:
         """Factor from the prior of the process: for times beyond those of the training, and for the faded part of the correction."""
         rows = table.features
@@ -287,12 +282,8 @@ class GPCorrector(PowerCorrector):
         """Residual power and factor of its covariance, computed from the same features."""
         features, _ = self.model.features(table.features)
         share = self.familiarity.share(table.features)
-        return self._mean(features, share, table), self.model.factor(features) * share[:, None]
-
-    def _mean(self, features: FloatArray, share: FloatArray, table: SegmentTable) -> FloatArray:
-        """Mean of the process plus shape within the trip, both times the share that counts."""
         shape = less_trip_mean((features @ self.shape * share)[:, None], table)[:, 0]
-        return self.model.mean(features) * share + shape
+        return self.model.mean(features) * share + shape, self.model.factor(features) * share[:, None]
 
 
 def less_trip_mean(values: FloatArray, table: SegmentTable) -> FloatArray:
@@ -367,10 +358,6 @@ class EnsembleCorrector(PowerCorrector):
     def clone_tuned(self) -> EnsembleCorrector:
         """Copies of the members with the settings that `fit` chose."""
         return EnsembleCorrector([m.clone_tuned() for m in self.members])
-
-    def predict(self, table: SegmentTable) -> FloatArray:
-        """Mean residual power [W]."""
-        return np.asarray(np.mean([m.predict(table) for m in self.members], axis=0))
 
     def outside_factor(self, table: SegmentTable) -> FloatArray:
         """Factor of the first member; trees fade outside of their range and have no variance of their own."""
@@ -515,10 +502,6 @@ class SplitCorrector(PowerCorrector):
     @property
     def _parts(self) -> tuple[PowerCorrector, ...]:
         return (self.climate, self.drive) if self.split_ else (self.joint,)
-
-    def predict(self, table: SegmentTable) -> FloatArray:
-        """Residual power [W]."""
-        return np.asarray(sum(part.predict(table) for part in self._parts))
 
     def outside_factor(self, table: SegmentTable) -> FloatArray:
         """Factors of the parts side by side, since the covariances of independent corrections add up."""
