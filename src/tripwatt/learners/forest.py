@@ -212,9 +212,7 @@ class ClusteredForest(ClusteredTrees):
         held = fold_of_group == np.arange(fold_of_group.max() + 1)[:, None]  # (n_folds, n_groups)
         without = (counts @ held.T == 0).T  # (n_folds, n_trees)
         needed = without.astype(int) @ (counts == 0) + np.where(held, self.n_trees, 0)
-        enough = needed.min(axis=1) >= self.min_oob_trees
-        if len(held) < 2:
-            enough[:] = False
+        enough = (needed.min(axis=1) >= self.min_oob_trees) & (len(held) > 1)
         forests = [self._grow(sample, counts, setting, seed) for setting in self._settings()]
         best = np.zeros(len(held), dtype=np.int64)
         if len(forests) > 1:
