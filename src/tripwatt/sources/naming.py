@@ -30,12 +30,6 @@ def column_names() -> Mapping[str, tuple[str, ...]]:
     return MappingProxyType(names)
 
 
-@cache
-def _unit_words() -> Mapping[str, str]:
-    """Other spelling -> unit."""
-    return {text: unit for unit, texts in vocabulary()["spellings"].items() for text in texts}
-
-
 def words(name: str) -> str:
     """A column's name as lower-case words, without its unit in brackets.
 
@@ -62,7 +56,7 @@ def _units_in(name: str) -> list[str]:
 
 def _unit(text: str) -> str:
     unit = " ".join(text.casefold().replace("º", "°").split())
-    return _unit_words().get(unit, unit)
+    return next((ours for ours, others in vocabulary()["spellings"].items() if unit in others), unit)
 
 
 def unit_in(ours: str, name: str) -> str | None:
