@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 import numpy.typing as npt
 
-from tripwatt.errors import InvalidInput
+from tripwatt.errors import InvalidInput, damage
 from tripwatt.fleet.model import FleetModel
 from tripwatt.hybrid.groups import GroupPosterior, Sums
 from tripwatt.hybrid.stored import REFIT, new_converter, parts_tree, structured, tree_parts
@@ -56,11 +56,8 @@ def load_fleet(folder: Path | str) -> FleetModel:
     if stored.metadata.get("kind") != KIND:
         got, fix = "a model of one car", "fit one with `tripwatt fleet fit`"
         raise InvalidInput.of("no model of a fleet", f"{folder}", got, "a model of a fleet", fix)
-    try:
+    with damage(folder, "", REFIT, "parts do not make a model of a fleet"):
         tree = parts_tree(stored.parts, KIND)
-    except (LookupError, TypeError, ValueError, AttributeError) as error:
-        got = f"{type(error).__name__}: {error}"
-        raise InvalidInput.of("parts do not make a model of a fleet", f"{folder}", got, "", REFIT) from error
     return structured(tree, FleetModel, _converter(), "a model of a fleet")
 
 
