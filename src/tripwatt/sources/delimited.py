@@ -435,13 +435,9 @@ def first_row(source: Delimited) -> list[str]:
 
 def _body_width(source: Delimited) -> int:
     """Number of cells in a row: as in the header, or one fewer or more if only one of the two ends in a delimiter."""
-    row = first_row(source)
-    header = len(source.names)
-    if len(row) == header - 1 and not source.names[-1]:
-        return header - 1
-    if len(row) == header + 1 and not row[-1]:
-        return header + 1
-    return header
+    row, header = first_row(source), len(source.names)
+    ends_empty = {header - 1: not source.names[-1], header + 1: not row[-1]}
+    return len(row) if ends_empty.get(len(row)) else header
 
 
 def line_of(cells: Sequence[str], delimiter: str) -> bytes:
