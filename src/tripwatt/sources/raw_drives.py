@@ -257,10 +257,9 @@ def log_of(drive: RawDrive) -> Log:
     covariates = samples[[c for c in mapping.covariates if c in samples]]
     names = samples.columns.difference(["time_s", *covariates], sort=False)
     signals = {c: np.asarray(samples[c], dtype=np.float64) for c in names}
-    columns = {
+    columns = {"time_s": time} | {
         c: hold_last(time, x, mapping.hold_s) if mapping.hold_s > 0.0 else x for c, x in signals.items()
     }
-    columns = {"time_s": time, **columns}
     rebuilt = rebuild_speed(time, signals["speed_m_s"], columns["speed_m_s"])
     columns["speed_m_s"] = rebuilt.speed_m_s
     steps = (rebuilt.held_s, "s"), (round(rebuilt.step_m_s, 3), "m_s")
