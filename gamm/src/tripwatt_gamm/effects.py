@@ -413,11 +413,8 @@ def term_effects(
     return by_term
 
 
-def _evaluate(
-    model: Estimator, fitted: FittedTerm, columns: Mapping[str, FloatArray]
-) -> tuple[FloatArray, FloatArray]:
+def _evaluate(model: Estimator, fitted: FittedTerm, grid: pd.DataFrame) -> tuple[FloatArray, FloatArray]:
     """Return the effect of a fitted term and its standard error at these values of its covariates; a numeric by-variable is 1."""
-    grid = pd.DataFrame(dict(columns))
     if fitted.by is not None:
         grid[fitted.by] = 1.0 if fitted.level is None else fitted.level
     at = fitted.slice
@@ -444,7 +441,7 @@ def _curve(
     own = model.training_.within.get((fitted.term.names, fitted.by, fitted.level))
     low, high = model.ranges_[name] if own is None else (own.low[0], own.high[0])
     x = np.linspace(low, high, points)
-    effect, error = _evaluate(model, fitted, {name: x})
+    effect, error = _evaluate(model, fitted, pd.DataFrame({name: x}))
     rug = np.zeros(0) if frame is None else _rows(fitted, frame, (name,))[:, 0]
     return CurveEffect(
         fitted.label, name, x, effect, error, multiplier, float(model.edf_[fitted.slice].sum()), rug
@@ -460,8 +457,8 @@ def _surface(model: Estimator, fitted: FittedTerm, frame: pd.DataFrame | None, p
         name: float(np.mean(model.ranges_[name]) if frame is None else frame[name].median()) for name in rest
     }
     across, along = np.meshgrid(x, y)
-    held = {name: np.full(across.size, value) for name, value in fixed.items()}
-    effect, error = _evaluate(model, fitted, {first: across.ravel(), second: along.ravel(), **held})
+    grid = pd.DataFrame({first: across.ravel(), second: along.ravel(), **fixed})
+    effect, error = _evaluate(model, fitted, grid)
     data = np.zeros((0, 2)) if frame is None else _rows(fitted, frame, (first, second))
     if len(data):
         from scipy.spatial import cKDTree
