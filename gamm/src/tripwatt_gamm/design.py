@@ -112,9 +112,7 @@ def _check_columns(formula: Formula, frame: pd.DataFrame) -> None:
     without rows.
     """
     faults = missing_columns(frame, formula.columns)
-    for name in formula.columns:
-        if name not in frame.columns:
-            continue
+    for name in (name for name in formula.columns if name in frame.columns):
         term = next(term for term in formula.terms if name in term.columns)
         if isinstance(term, RandomEffect):
             factor = name == term.name or (is_factor(frame[name]) and not term.correlated)
