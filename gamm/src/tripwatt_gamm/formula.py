@@ -218,11 +218,9 @@ class _Reader:
         self, node: ast.Call, columns: tuple[str, ...], basis: Basis, k: tuple[int, ...], by: str | None
     ) -> Smooth:
         """Make a smooth of one covariate, or for each level of a factor, or an isotropic one of several."""
+        if basis == "fs" and (len(columns) != 2 or by is not None):
+            self.refuse(node, "a factor-smooth takes two columns", self.original(node), 's(x, f, bs="fs")')
         if basis == "fs":
-            if len(columns) != 2 or by is not None:
-                self.refuse(
-                    node, "a factor-smooth takes two columns", self.original(node), 's(x, f, bs="fs")'
-                )
             by, columns = columns[-1], columns[:1]
         if len(columns) > 1 and basis != "tp":
             fix = f'te({", ".join(columns)}, bs="{basis}") or ti(...)'
