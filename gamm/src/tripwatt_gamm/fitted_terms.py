@@ -161,8 +161,7 @@ class FittedTerm:
         weight = self._by_weight(frame)
         columns = np.zeros((len(frame), self.size))
         affected = np.flatnonzero(weight)
-        names = list(self.term.names)
-        x = frame[names].to_numpy(dtype=np.float64)[affected]
+        x = frame[list(self.term.names)].to_numpy(dtype=np.float64)[affected]
         if not len(x):
             return columns
         points = Points.from_values(x)
