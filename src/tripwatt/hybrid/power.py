@@ -227,9 +227,6 @@ class GPCorrector(PowerCorrector):
         terms: tuple[KernelTerm, ...] = (*LINES, *smooth_terms("joint")),
         share_column: str = "simulated_w",
     ) -> None:
-        self._set_terms(terms, share_column)
-
-    def _set_terms(self, terms: tuple[KernelTerm, ...], share_column: str) -> None:
         self.terms = terms
         self.share_column = share_column
         self.familiarity = Familiarity()
@@ -243,10 +240,10 @@ class GPCorrector(PowerCorrector):
         """
         covariates = (KernelTerm(columns, "smooth", COVARIATE_SD_W, 1.5) for columns in table.added.values())
         known = {name for name, column in table.features.items() if bool(column.notna().any())}
-        self._set_terms(
-            tuple(t for t in dict.fromkeys((*self.terms, *covariates)) if known.issuperset(t.columns)),
-            self.share_column,
+        self.terms = tuple(
+            t for t in dict.fromkeys((*self.terms, *covariates)) if known.issuperset(t.columns)
         )
+        self.model = replace(self.model, terms=self.terms)
         smooth = dict.fromkeys(c for term in self.terms if term.kind == "smooth" for c in term.columns)
         self.familiarity = Familiarity.from_features(table.features, tuple(smooth) or FADING)
         errors = table.energy_errors
