@@ -7,7 +7,7 @@ import os
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Final, TypeVar
 
@@ -121,6 +121,8 @@ class ParquetTable:
         Number of values of each column, and bytes of its inflated pages (`column_sizes`).
     faults : list of Fault
         Faults are appended to this list.
+    units : mapping of str to str
+        Empty: a Parquet schema has no units.
     """
 
     path: Path
@@ -128,17 +130,13 @@ class ParquetTable:
     values: Mapping[str, int]
     inflated: Mapping[str, int]
     faults: list[Fault]
+    units: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def names(self) -> Sequence[str]:
         """Names of the columns of the schema, without the index that pandas writes."""
         names = map(str, self.file.schema_arrow.names)
         return [name for name in names if not re.fullmatch(r"__index_level_\d+__", name)]
-
-    @property
-    def units(self) -> Mapping[str, str]:
-        """An empty mapping: a Parquet schema has no units."""
-        return {}
 
     def read(self, name: str) -> pa.ChunkedArray:
         """Read one column, if neither its pages nor the texts of its rows exceed `MAX_CONTENT_BYTES`.
