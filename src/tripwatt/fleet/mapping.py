@@ -9,8 +9,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import os
-import uuid
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
@@ -25,6 +23,7 @@ import pyarrow.parquet as pq
 from tripwatt.arrays import IntArray, by_key
 from tripwatt.auditing import audit
 from tripwatt.errors import InvalidInput
+from tripwatt.files import write_file
 from tripwatt.fleet.executors import map_bounded
 from tripwatt.fleet.features import FEATURES, trip_features, trip_variance_wh2
 from tripwatt.fleet.statistics import KEYS, NO_DRIVER, ROWS, TripRows
@@ -214,13 +213,8 @@ def _read_finished(task: _FileTask) -> _FileResult | None:
 
 
 def _write_parquet(table: pa.Table, path: Path) -> None:
-    """Write a Parquet file under a temporary name and rename it when it is complete, since another process may write the same file."""
-    partial = path.with_name(f".{path.name}.{uuid.uuid4().hex}")
-    try:
-        pq.write_table(table, partial, compression="zstd")
-        os.replace(partial, path)
-    finally:
-        partial.unlink(missing_ok=True)
+    """Write a Parquet file whole or not at all, since another process may write the same file."""
+    write_file(path, lambda partial: pq.write_table(table, partial, compression="zstd"))
 
 
 def sound_drives(log: Log, row: Mapping[str, Any]) -> Sequence[Trip]:
