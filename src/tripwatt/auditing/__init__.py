@@ -276,8 +276,7 @@ def _judge_leg(leg: Recorded) -> tuple[Recorded, list[Finding]]:
     short = [f"{SHORTEST_LEG_M:g} m"] * (mended.distance_m < SHORTEST_LEG_M)
     short += [f"{SHORTEST_LEG_S:g} s"] * (mended.duration_s < SHORTEST_LEG_S)
     if short:
-        bounds = ", ".join(short)
-        what = f"{mended.distance_m:.0f} m in {mended.duration_s:.0f} s: shorter than {bounds}"
+        what = f"{mended.distance_m:.0f} m in {mended.duration_s:.0f} s: shorter than {', '.join(short)}"
         findings.append(whole(samples, name, what, "set aside"))
     faults = (*structure_faults(samples, name), *value_faults(samples, name))
     findings += [whole(samples, name, f"{f.what}: {f.got}", "set aside") for f in faults]
