@@ -116,8 +116,7 @@ def model_and_trip(paths: list[Path]) -> tuple[Path | None, Path]:
 
 def show_arrival(forecast: tw.Forecast, subject: str, reserve: float) -> None:
     """Print a forecast for a driver: energy, charge at arrival, the probability to arrive with the reserve."""
-    sentences = [forecast_in_words(forecast, subject), *unknown_climb_in_words(forecast, reserve)]
-    say(*sentences)
+    say(forecast_in_words(forecast, subject), *unknown_climb_in_words(forecast, reserve))
     chance = chance_to_arrive(forecast, reserve)
     say(f"The probability to arrive with {100.0 * reserve:g} % or more is {chance}.")
 
