@@ -148,8 +148,7 @@ def apply(
     result = tw.audit(fleet)
     aside = result.set_aside.get(trip or fleet.trips[0].trip_id, "")
     wanted = shared.one_trip(result.trips, trip, aside and f"set aside by the audit: {aside}")
-    samples = wanted.samples
-    table = samples[[c for c in trips.COLUMNS if c in samples.columns]].copy()
+    table = wanted.samples[[c for c in trips.COLUMNS if c in wanted]].copy()
     table["time_s"] -= table["time_s"].iloc[0]
     write_text(csv_text(table), out)
     notes = [f"{f.trip}: {f.what} ({f.consequence})" for f in result.findings if f.trip == wanted.trip_id]
