@@ -150,8 +150,7 @@ class OnMap:
         """Return the settings of the atlas."""
         from tripwatt.roads.journey import AtlasSettings
 
-        stations = "" if self.stations is None else str(self.stations)
-        return AtlasSettings(self.map_, self.places, self.weather, stations)
+        return AtlasSettings(self.map_, self.places, self.weather, f"{self.stations or ''}")
 
 
 def one_trip(candidates: Sequence[tw.Trip], wanted: str | None, why_not: str = "") -> tw.Trip:
