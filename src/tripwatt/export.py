@@ -251,11 +251,9 @@ class _Driver:
 
 
 def _here(curve: ConsumptionCurve) -> dict[str, str]:
-    per_m = curve.energy_wh_km / 1000.0
-    traffic = curve.traffic_energy_wh_km / 1000.0
     return {
-        "ev[freeFlowSpeedTable]": ",".join(_pairs(curve.speed_km_h, per_m, 4)),
-        "ev[trafficSpeedTable]": ",".join(_pairs(curve.speed_km_h, traffic, 4)),
+        "ev[freeFlowSpeedTable]": ",".join(_pairs(curve.speed_km_h, curve.energy_wh_km / 1000.0, 4)),
+        "ev[trafficSpeedTable]": ",".join(_pairs(curve.speed_km_h, curve.traffic_energy_wh_km / 1000.0, 4)),
         "ev[auxiliaryConsumption]": f"{curve.auxiliary_power_w / SECONDS_PER_HOUR:.4f}",
         "ev[ascent]": f"{curve.ascent_wh_m:.3f}",
         "ev[descent]": f"{curve.descent_wh_m:.3f}",
