@@ -237,7 +237,6 @@ def _battery(car: Figures) -> dict[str, Any]:
     _, mean_v, nominal_v = CHEMISTRIES[car.chemistry]
     cells = round(volts / nominal_v)
     how = f"{energy_wh / 1000.0:g} kWh usable at a mean of {mean_v:g} V of {cells} cells in series"
-    low, high = DISPLAY
     return {
         "capacity_ah": {
             **car.usable_energy,
@@ -255,6 +254,6 @@ def _battery(car: Figures) -> dict[str, Any]:
         "heat_capacity_j_k": _class(
             PACK_KG_PER_KWH * energy_wh, "J/K", f"{PACK_KG_PER_KWH:g} kg/kWh at 1000 J/(kg K)"
         ),
-        "displayed_zero_soc": _class(low, "1", "a reserve at each end"),
-        "displayed_full_soc": _class(high, "1", "a reserve at each end"),
+        "displayed_zero_soc": _class(DISPLAY[0], "1", "a reserve at each end"),
+        "displayed_full_soc": _class(DISPLAY[1], "1", "a reserve at each end"),
     }
