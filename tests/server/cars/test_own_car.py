@@ -323,3 +323,17 @@ def test_a_log_that_was_added_before_with_other_samples_costs_no_other_log(
     done = car.add([again, logs[2]])
     assert (done.added, done.entries) == (1, 1)
     assert done.left_out == (f"{logs[0].trip_id}: another log of this name was added before",)
+
+
+@pytest.mark.parametrize("value", [[1], 7])
+def test_a_setting_of_another_kind_is_damage(
+    base: Path, logs: tuple[Log, ...], tmp_path: Path, value: object
+) -> None:
+    car = create_car(tmp_path / "leaf", "nissan_leaf_24", base=base)
+    for name, call in {
+        "left_out": lambda: car.left_out,
+        "base": lambda: car.add(TripSet("one", logs)),
+    }.items():
+        with car.file.write() as db:
+            db.put_settings({name: value})
+        refuses("damaged file", call)

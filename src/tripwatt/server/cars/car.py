@@ -172,7 +172,8 @@ class Car(LiveCar):
     @property
     def left_out(self) -> dict[str, str]:
         """Trip -> why it is not in the diary, such as that the audit set it aside or that it cannot be forecast."""
-        return self.file.setting("left_out") or {}
+        with damage(self.file.path, ALLOWED, FORGET):
+            return dict(self.file.setting("left_out") or {})
 
     def logs(self) -> tuple[Log, ...]:
         """Read all logs of the car as they were recorded.
@@ -265,12 +266,13 @@ class Car(LiveCar):
         return dict(self.file.rows("SELECT trip_id, is_learned FROM trips WHERE start_s IS NOT NULL"))
 
     def _learner(self) -> Learner:
-        parts = dict(self.file.rows("SELECT part, content FROM model"))
-        is_current = bool(parts) and json.loads(parts[METADATA])["format_version"] == FORMAT_VERSION
-        stored = model_of_parts(parts) if is_current else None
-        base = self.file.setting("base")
-        logs = TripSet(self.name, self.logs())
-        return Learner(self.vehicle, base and Path(base), logs, self.diary.trip_ids, stored)
+        with damage(self.file.path, ALLOWED, FORGET):
+            parts = dict(self.file.rows("SELECT part, content FROM model"))
+            is_current = bool(parts) and json.loads(parts[METADATA])["format_version"] == FORMAT_VERSION
+            stored = model_of_parts(parts) if is_current else None
+            base = self.file.setting("base")
+            logs = TripSet(self.name, self.logs())
+            return Learner(self.vehicle, base and Path(base), logs, self.diary.trip_ids, stored)
 
     def _learn(
         self, names: Iterable[str], counts: Learned, refused: Mapping[str, str], progress: Progress | None
