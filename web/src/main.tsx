@@ -47,8 +47,8 @@ function Foot() {
       {!own && name && learned && (
         <p>
           {isMeasured.value
-            ? `${learned.vehicle_title}. ${foot.model(name, learned.trips)}`
-            : `${foot.published(vehicle.value?.title ?? car.value?.title ?? "")} ${foot.modelOfCar(name, learned.trips, learned.vehicle_title)}`}{" "}
+            ? `${learned.car_title}. ${foot.model(name, learned.trips)}`
+            : `${foot.published(vehicle.value?.title ?? car.value?.title ?? "")} ${foot.modelOfCar(name, learned.trips, learned.car_title)}`}{" "}
           {foot.caution}
         </p>
       )}

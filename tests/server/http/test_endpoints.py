@@ -137,7 +137,7 @@ def test_the_elevation_of_an_upload_is_used_in_its_forecast(service: Service) ->
 def test_models_and_vehicles_have_names_for_requests(service: Service, drive: dict[str, Any]) -> None:
     models = service.client.get("/v1/models").json()["models"]
     cars = {car["name"]: car for car in service.client.get("/v1/vehicles").json()["vehicles"]}
-    own = models[0]["model"]["vehicle"]
+    own = models[0]["model"]["car"]
     assert models[0]["name"] in cars[own]["models"]
     named = drive | {"model": models[0]["name"], "car": own}
     assert service.forecast(named).json() == service.forecast(drive).json()

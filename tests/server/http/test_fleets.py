@@ -116,12 +116,12 @@ def test_models_and_fleets_are_listed(fleet: Any, registry: Registry) -> None:
     folders = {"vans": registry.folder, "own": model_folder()}
     jobs = Jobs.from_folders(folders, Limits())
     own, vans = jobs.summaries()["models"]  # a model of one car is the default
-    assert (own["name"], own["model"]["vehicle"], vans["name"]) == ("own", "bmw_i3_60ah", "vans")
+    assert (own["name"], own["model"]["car"], vans["name"]) == ("own", "bmw_i3_60ah", "vans")
     of_fleet = jobs.run("forecast", body_of(car="V00000"))["energy_wh"]
     assert of_fleet == jobs.run("forecast", body_of(car="V00000", model="vans"))["energy_wh"]
     assert (vans["model"]["vehicles"], vans["model"]["trips"]) == (8, fleet[2].trips)
     usual = min(fleet[2].vehicles().values())
-    assert (vans["model"]["vehicle"], vans["model"]["vehicle_title"]) == (usual, load_vehicle(usual).title)
+    assert (vans["model"]["car"], vans["model"]["car_title"]) == (usual, load_vehicle(usual).title)
     listed = {row["name"]: row["models"] for row in jobs.vehicles()["vehicles"]}
     assert [listed["bmw_i3_60ah"], listed["nissan_leaf_24"]] == [["own", "vans"], ["vans"]]
     assert list(Jobs.from_folders({}, Limits()).models) == [DEFAULT_MODEL]

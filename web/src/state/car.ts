@@ -31,9 +31,7 @@ export const choices = computed(() => {
 });
 
 /** Whether the model was fitted on trips of the chosen car. */
-export const isMeasured = computed(
-  () => !!car.value?.own || model.value?.model.vehicle === car.value?.vehicle,
-);
+export const isMeasured = computed(() => !!car.value?.own || model.value?.model.car === car.value?.vehicle);
 
 export function chooseVehicle(name: string): void {
   const [own] = vehicles.value.find((row) => row.name === name)?.models ?? [];
@@ -69,7 +67,7 @@ export function chooseFirst(
 ): void {
   const known = models.value.find(({ name }) => name === last?.model) ?? models.value[0];
   if (!known) return;
-  car.value = { model: known.name, vehicle: known.model.vehicle };
+  car.value = { model: known.name, vehicle: known.model.car };
   const own = owned.find(({ name }) => (last ? name === last.own : owned.length === 1));
   if (own) chooseOwn(own.name, own.car, own.title);
   else if (last?.figures && last.title)

@@ -101,7 +101,7 @@ export function Causes({ of, road, other }: Props) {
       <Waterfall of={of} caption={causes.caption} total={causes.total} other={other} />
       <p class="note">
         {causes.note(ENERGY.unit, shown(of.battery_loss_wh, ENERGY))} <Climb of={road} />{" "}
-        {isMeasured.value ? causes.learnedOwn : causes.learnedOf(model.value?.model.vehicle_title ?? "")}
+        {isMeasured.value ? causes.learnedOwn : causes.learnedOf(model.value?.model.car_title ?? "")}
       </p>
     </section>
   );

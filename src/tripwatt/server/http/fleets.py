@@ -40,14 +40,16 @@ def follow_registry(name: str, folder: Path, log: Callable[..., None]) -> Follow
 def model_summary(folder: Path | None, fleet: FollowedModel | None) -> dict[str, Any]:
     """Return the entry of a model in `/v1/models`, without its name."""
     if fleet is None:
-        return load_metadata(folder)
+        metadata = load_metadata(folder)
+        own = {key.replace("vehicle", "car"): value for key, value in metadata["model"].items()}
+        return {**metadata, "model": own}
     fleet.get()  # the version in use, if the pointer has moved
     metadata = load_metadata(fleet.folder)
     description = metadata.pop("fleet")
     provenance = {name: metadata[name] for name in ("tripwatt", "packages")}
     name = description["car_models"][0]
-    vehicle = {"vehicle": name, "vehicle_title": load_vehicle(name).title}
-    model = {**vehicle, "version": fleet.version, **description}
+    car = {"car": name, "car_title": load_vehicle(name).title}
+    model = {**car, "version": fleet.version, **description}
     return {"model": model, "contract": {}, "provenance": provenance, "evaluation": {}}
 
 

@@ -538,8 +538,8 @@ class FittedModel(BaseModel):
 
     model_config = ConfigDict(extra="allow", use_attribute_docstrings=True)
 
-    vehicle: str
-    vehicle_title: str
+    car: str
+    car_title: str
     trips: int
 
 
