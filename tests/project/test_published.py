@@ -23,7 +23,7 @@ def test_readme_and_page_show_the_published_results(protocol: str, model: str, t
     source = DOCS / "results" / f"{protocol}.json"
     copy = publish_results.publish(source, tmp_path / "results", readme, page)
     require_as_published(readme, page, "make results")
-    for name in ("paper.md", "uncertainty.md", "evaluation.md"):
+    for name in ("paper.md", "uncertainty.md"):
         assert (tmp_path / name).read_text(encoding="utf-8") == (DOCS / "explanation" / name).read_text(
             encoding="utf-8"
         ), "make results"
@@ -123,7 +123,7 @@ def pages(folder: Path) -> tuple[Path, Path]:
     readme, page = folder / "README.md", folder / "results.md"
     shutil.copy(ROOT / "README.md", readme)
     shutil.copy(DOCS / "explanation" / "results.md", page)
-    for name in ("paper.md", "uncertainty.md", "evaluation.md"):
+    for name in ("paper.md", "uncertainty.md"):
         shutil.copy(DOCS / "explanation" / name, folder / name)
     return readme, page
 

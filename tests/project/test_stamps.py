@@ -55,7 +55,6 @@ FOLLOWS = {
     "docs/explanation/results.md": {"paper", "forecast", "links"},
     "docs/explanation/paper.md": {"paper-page"},
     "docs/reference/citing.md": {"bibtex"},
-    "docs/explanation/evaluation.md": {"coverage"},
     "docs/explanation/uncertainty.md": {"coverage"},
     "docs/explanation/car-model.md": {"parameters"},
     "docs/reference/vehicles.md": {"licences"},

@@ -34,17 +34,16 @@ def publish(
     out : Path
         Folder of `tripwatt evaluate`, or a `results.json`.
     results_folder, readme, page : Path
-        Where the copy, the short table and the wide tables go. What the intervals held is written into `uncertainty.md` and
-        `evaluation.md` beside the latter. The page on the paper, `paper.md`, stands beside the latter, and
-        its figures are copied from OUT/figures to the folder `images` beside both.
+        Where the copy, the short table and the wide tables go. What the intervals held is written into `uncertainty.md` beside
+        the latter. The page on the paper, `paper.md`, stands beside the latter, and its figures are copied from OUT/figures
+        to the folder `images` beside both.
     """
     source = out / "results.json" if out.is_dir() else out
     results = json.loads(source.read_text(encoding="utf-8"))
     update_results_page(results, page)
     update_readme(results, readme)
     if results["protocol"] == "forecast":
-        for name in ("uncertainty.md", "evaluation.md"):
-            update_coverage(results, page.with_name(name))
+        update_coverage(results, page.with_name("uncertainty.md"))
     if results["protocol"] == "paper":
         transfer, claims = (
             json.loads((RESULTS / f"{name}.json").read_text("utf-8")) for name in ("transfer", "paper_claims")
