@@ -252,8 +252,7 @@ class ClusteredBoosting(ClusteredTrees):
         inside = ~np.isin(block, left_out)
         path = boost(sample, setting, inside, self.n_rounds, seed, **options)
         errors = np.full((self.n_rounds, sample.n_groups), np.nan)
-        for groups, end in zip(scored, path.ends, strict=True):
-            errors[:end, groups] = np.array(path.losses)[:end, groups]
+        errors[: len(path.losses)] = path.losses
         return errors
 
     def _shared_choices(

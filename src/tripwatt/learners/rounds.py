@@ -17,35 +17,15 @@ from tripwatt.learners.trees import Sample, Trees
 class Path:
     """One run of boosting.
 
-    `values[t]` are the leaf values of round t, and `losses[t]` the loss of each group after this round. `ends` are the last rounds of
-    the scored sets of groups, and `rho` is the parameter of the working correlation after the last round.
+    `values[t]` are the leaf values of round t, and `losses[t]` the loss of each group after this round, NaN for the groups that are
+    not scored or whose set has stopped improving. `rho` is the parameter of the working correlation after the last round.
     """
 
     start: float
     trees: Trees
     values: list[FloatArray] = field(default_factory=list)
     losses: list[FloatArray] = field(default_factory=list)
-    ends: list[int] = field(default_factory=list)
     rho: float = 0.0
-
-
-class _Patience:
-    """Stopping rule of a set of groups: stop if the mean loss has not improved for `patience` rounds; `end` is the last round."""
-
-    def __init__(self, groups: IntArray, patience: int) -> None:
-        self.groups, self.patience = groups, patience
-        self.end = self.best_round = 0
-        self.best = np.inf
-        self.running = True
-
-    def update(self, losses: FloatArray) -> bool:
-        if self.running:
-            self.end += 1
-            mean = float(losses[self.groups].mean())
-            if mean < self.best:
-                self.best, self.best_round = mean, self.end
-            self.running = self.end - self.best_round < self.patience
-        return self.running
 
 
 def boost(
@@ -59,7 +39,10 @@ def boost(
     patience: int = 1,
     scored: Sequence[IntArray] = (),
 ) -> Path:
-    """Boost on the allowed groups; if sets of groups are `scored`, stop when all of these have stopped improving."""
+    """Boost on the allowed groups.
+
+    Each of the `scored` sets of groups stops if its mean loss has not improved for `patience` rounds; when all have, boosting ends.
+    """
     inside = allowed[sample.codes]
     weight = np.where(inside, sample.weight, 0.0)
     y = np.where(inside, sample.y, 0.0)
@@ -71,7 +54,7 @@ def boost(
         path.start = float(working.solve(y).sum() / working.normal_matrix(single_leaf, 1)[0, 0])
     fitted = np.full(y.size, path.start)
     rng = np.random.default_rng([seed, 2])
-    watched = [_Patience(groups, patience) for groups in scored]
+    best, since_best = np.full(len(scored), np.inf), np.zeros(len(scored))
     for _ in range(n_rounds):
         drawn = rng.random(sample.n_groups) < setting["subsample"]
         tree_seed = int(rng.integers(1, 2**31 - 1))
@@ -92,12 +75,16 @@ def boost(
         score = np.bincount(leaf, gradient, n_leaves)
         path.values.append(setting["learning_rate"] * np.linalg.solve(normal, score))
         fitted = fitted + path.values[-1][leaf]
-        if watched:
-            path.losses.append(sample.loss(fitted))
-            running = [watch.update(path.losses[-1]) for watch in watched]
-            if not any(running):
+        if scored:
+            loss = sample.loss(fitted)
+            path.losses.append(np.full(loss.shape, np.nan))
+            for k in np.flatnonzero(since_best < patience):
+                path.losses[-1][scored[k]] = loss[scored[k]]
+                mean = loss[scored[k]].mean()
+                since_best[k] = 0 if mean < best[k] else since_best[k] + 1
+                best[k] = min(best[k], mean)
+            if (since_best >= patience).all():
                 break
-    path.ends = [watch.end for watch in watched]
     path.rho = working.rho
     return path
 
