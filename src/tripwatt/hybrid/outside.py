@@ -37,12 +37,10 @@ class Corrector(Protocol):
     @property
     def fit(self) -> Callable[..., Any]:
         """Fit to ``(X, y)``, or to a table."""
-        ...
 
     @property
     def predict(self) -> Callable[..., Any]:
         """Predict the residual power [W] of each row of ``X``, or of a table."""
-        ...
 
 
 class TableCorrector(PowerCorrector):

@@ -312,7 +312,6 @@ class EnergyModel(Protocol):
         EnergyModel
             The model itself.
         """
-        ...
 
     def predict(self, table: TripTable) -> FloatArray:
         """Predict the cumulative energy.
@@ -327,7 +326,6 @@ class EnergyModel(Protocol):
         ndarray, shape (rows,)
             Cumulative energy at each row [Wh].
         """
-        ...
 
 
 @dataclass

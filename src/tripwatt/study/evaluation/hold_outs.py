@@ -57,7 +57,6 @@ class Trips(Protocol):
         --------
         >>> table.take(np.arange(3))  # doctest: +SKIP
         """
-        ...
 
 
 D = TypeVar("D", bound=Trips)
@@ -260,7 +259,6 @@ class Splitter(Protocol):
         --------
         >>> splitter.split(trips, energy_wh, days)  # doctest: +SKIP
         """
-        ...
 
 
 HoldOuts = str | Splitter | Sequence[str | Splitter]

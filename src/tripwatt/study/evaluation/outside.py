@@ -56,7 +56,6 @@ class WholeModel(Protocol):
         --------
         >>> model.fit(fleet.trips)  # doctest: +SKIP
         """
-        ...
 
     def predict(self, trip: Plan) -> float:
         """Predict the energy of a trip [Wh].
@@ -75,7 +74,6 @@ class WholeModel(Protocol):
         --------
         >>> model.predict(plan)  # doctest: +SKIP
         """
-        ...
 
 
 AnyModel = str | Corrector | WholeModel

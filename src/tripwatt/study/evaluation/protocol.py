@@ -72,7 +72,6 @@ class EvaluationProtocol(Protocol):
         --------
         >>> protocol.further_comparisons(prepared, protocol.models, seed=0)  # doctest: +SKIP
         """
-        ...
 
     def from_outside(self, name: str, model: Corrector | WholeModel) -> ModelSpec:
         """Make the row of a model from outside.
@@ -98,7 +97,6 @@ class EvaluationProtocol(Protocol):
         --------
         >>> protocol.from_outside("ridge", Ridge())  # doctest: +SKIP
         """
-        ...
 
     def prepare(
         self, fleet: TripSet, test_fleet: TripSet | None, car: CarChoice, choice: HoldOutChoice
@@ -126,7 +124,6 @@ class EvaluationProtocol(Protocol):
         InvalidInput
             If the car or a hold-out is unknown, or too few trips are left.
         """
-        ...
 
     def assemble(
         self, prepared: Prepared[Any], main: Sequence[Comparison], further: Sequence[Comparison], seed: int
@@ -149,7 +146,6 @@ class EvaluationProtocol(Protocol):
         EvaluationRun
             Everything that the report shows.
         """
-        ...
 
 
 def choose_models(
