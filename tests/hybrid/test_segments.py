@@ -59,6 +59,15 @@ class TestSegmentTable:
         assert turned.offsets.tolist() == [0, 3, 5]
         assert turned.simulated_w.tolist() == back.simulated_w.tolist()
 
+    def test_tables_of_several_trips_join_trip_by_trip(self) -> None:
+        twice = SegmentTable.join([self.both, self.both])
+        again = twice.take([2, 3])
+        assert twice.trip_ids == (*self.both.trip_ids, *self.both.trip_ids)
+        assert twice.offsets.tolist() == [0, 2, 5, 7, 10]
+        assert (
+            again.totals_wh(again.simulated_w).tolist() == self.both.totals_wh(self.both.simulated_w).tolist()
+        )
+
     def test_joined_with_a_table_that_lacks_measurements(self) -> None:
         joined = SegmentTable.join([self.both, table([1], [0.1])])
         assert joined.observed_w is None

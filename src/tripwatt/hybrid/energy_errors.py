@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 import numpy as np
 
-from tripwatt.arrays import BoolArray, FloatArray, IntArray
+from tripwatt.arrays import BoolArray, FloatArray
+from tripwatt.hybrid.rows import Records
 from tripwatt.routes.terrain import net_climbs
 from tripwatt.trips import Plan, Trip
 from tripwatt.trips.energy import resolution
@@ -37,7 +37,7 @@ def unknown_climb_wh(plan: Plan, vehicle: Vehicle) -> float:
 
 
 @dataclass(frozen=True, eq=False)
-class EnergyErrors:
+class EnergyErrors(Records):
     """Measurement errors of trips.
 
     Attributes
@@ -67,12 +67,3 @@ class EnergyErrors:
             np.array([trip.observed_energy_common_std]),
             np.array([along]),
         )
-
-    def take(self, members: IntArray) -> EnergyErrors:
-        """Take the errors of some of the trips, by index."""
-        return EnergyErrors(self.own_wh[members], self.common[members], self.along[members])
-
-    @classmethod
-    def join(cls, parts: Sequence[EnergyErrors]) -> EnergyErrors:
-        """Join the errors of several sets of trips, in order."""
-        return cls(*(np.concatenate([getattr(part, f.name) for part in parts]) for f in fields(cls)))

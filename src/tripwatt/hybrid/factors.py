@@ -9,15 +9,16 @@ simulation is needed.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from typing import ClassVar, Final
 
 import numpy as np
 
-from tripwatt.arrays import FloatArray, IntArray
+from tripwatt.arrays import FloatArray
 from tripwatt.errors import InvalidInput
 from tripwatt.hybrid.groups import Sums
 from tripwatt.hybrid.power import PowerCorrector
+from tripwatt.hybrid.rows import Records
 from tripwatt.hybrid.segments import LINE_CAUSES, SegmentTable
 from tripwatt.vehicles import Vehicle
 
@@ -187,7 +188,7 @@ def _shortfall_power(table: SegmentTable) -> FloatArray:
 
 
 @dataclass(frozen=True, eq=False)
-class TripEvidence:
+class TripEvidence(Records):
     """Evidence of one car's trips on its factors, in the order in which the trips are used.
 
     Attributes
@@ -258,16 +259,6 @@ class TripEvidence:
         """Make evidence without trips."""
         nothing = np.empty(0)
         return cls((), np.empty((0, len(NAMES))), nothing, nothing, nothing, nothing, np.empty((0, 4)))
-
-    def take(self, members: Sequence[int] | IntArray) -> TripEvidence:
-        """Take some of the trips, by index, in this order."""
-        index = np.asarray(members, dtype=np.int64)
-        arrays = {f.name: getattr(self, f.name)[index] for f in fields(self)[1:]}
-        return TripEvidence(tuple(self.trip_ids[i] for i in index), **arrays)
-
-    def __add__(self, later: TripEvidence) -> TripEvidence:
-        pairs = [(getattr(self, f.name), getattr(later, f.name)) for f in fields(self)[1:]]
-        return TripEvidence((*self.trip_ids, *later.trip_ids), *(np.concatenate(pair) for pair in pairs))
 
     def sums(self, car_model: str, vehicle: str) -> Sums:
         """Sums of the trips as one vehicle of a population; each trip is weighted by the errors of this car's trips.

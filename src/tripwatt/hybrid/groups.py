@@ -24,6 +24,7 @@ import numpy as np
 
 from tripwatt.arrays import FloatArray, IntArray
 from tripwatt.errors import InvalidInput
+from tripwatt.hybrid.rows import Records
 
 ROOT_SD: Final = 3.0
 """Prior standard deviation of the root's own weights, in units of their usual size."""
@@ -36,7 +37,7 @@ _SUMS: Final = ("count", "log_variance", "xx", "xy", "yy")
 
 
 @dataclass(frozen=True, eq=False)
-class Sums:
+class Sums(Records):
     """Additive sums over the trips of each group.
 
     For the trips of a group with features `X`, residual energies `y` and usual variances `n` (`N` is their diagonal matrix), the sums
@@ -127,11 +128,6 @@ class Sums:
             for name in _SUMS:
                 getattr(total, name)[index] += factor * getattr(part, name)
         return total
-
-    def take(self, wanted: Sequence[int]) -> Sums:
-        """Take some of the groups, by index."""
-        index = np.asarray(wanted, dtype=np.int64)
-        return Sums(tuple(self.groups[i] for i in index), *(getattr(self, name)[index] for name in _SUMS))
 
     def to_arrays(self) -> dict[str, Any]:
         """Return plain arrays."""

@@ -15,7 +15,7 @@ O(trips x experts x factors^2), the next trip O(experts x factors^2).
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -31,6 +31,7 @@ from tripwatt.hybrid.factors import (
     TripEvidence,
     drift_kept,
 )
+from tripwatt.hybrid.rows import Records
 from tripwatt.vehicles import Vehicle
 
 KINDS: Final = ("published", "one factor", "line by cause", "population", "own trips")
@@ -60,7 +61,7 @@ MEMORY: Final = 0.98
 
 
 @dataclass(frozen=True, eq=False)
-class Innovations:
+class Innovations(Records):
     """Forecasts of trips, each made before the experts were updated by the trip.
 
     Attributes
@@ -74,10 +75,6 @@ class Innovations:
     mean_wh: FloatArray
     sd_wh: FloatArray
     weights: FloatArray
-
-    def __add__(self, later: Innovations) -> Innovations:
-        pairs = ((getattr(self, f.name), getattr(later, f.name)) for f in fields(self))
-        return Innovations(*(np.concatenate(pair) for pair in pairs))
 
 
 @dataclass(frozen=True, eq=False)

@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 import datetime as dt
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, Final
 
 import numpy as np
 import pandas as pd
 
-from tripwatt.arrays import FloatArray, IntArray
+from tripwatt.arrays import FloatArray, IntArray, running_sum
 from tripwatt.errors import Fault, InvalidInput, or_none
 from tripwatt.hybrid.climate_log import logged_climate
 from tripwatt.hybrid.energy_errors import EnergyErrors, unknown_climb_wh
+from tripwatt.hybrid.rows import RowTable, joined
 from tripwatt.physics import Simulation
 from tripwatt.physics.batch import simulate_trips
 from tripwatt.physics.chain import CAUSES
@@ -32,12 +33,9 @@ LINE_CAUSES: Final = tuple(cause for cause in CAUSES if cause != "shortfall")
 DRIVING: Final = tuple(cause for cause in LINE_CAUSES if cause not in ("climate", "climb"))
 """Causes whose energy depends on the speeds of a road."""
 
-_BY_ROW: Final = ("hours", "simulated_w", "observed_w", "observed_climate_w")
-"""Fields of a table with a value for each row."""
-
 
 @dataclass(frozen=True, eq=False)
-class SegmentTable:
+class SegmentTable(RowTable):
     """Segments of trips as one flat table: rows of trip i are ``offsets[i]:offsets[i + 1]``.
 
     Attributes
@@ -77,6 +75,9 @@ class SegmentTable:
     (2,)
     """
 
+    by_trip = ("trip_ids", "charge", "errors", "covariates")
+    by_row = ("features", "hours", "simulated_w", "observed_w", "observed_climate_w")
+
     trip_ids: tuple[str, ...]
     offsets: IntArray
     features: pd.DataFrame
@@ -88,14 +89,6 @@ class SegmentTable:
     errors: EnergyErrors | None = None
     covariates: pd.DataFrame | None = None
     added: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
-
-    def __len__(self) -> int:
-        return len(self.trip_ids)
-
-    @property
-    def groups(self) -> IntArray:
-        """Index of the trip that each row belongs to, shape (rows,)."""
-        return np.repeat(np.arange(len(self), dtype=np.int64), np.diff(self.offsets))
 
     @property
     def observed_power_w(self) -> FloatArray:
@@ -123,35 +116,6 @@ class SegmentTable:
             return self.errors
         zero = np.zeros(len(self))
         return EnergyErrors(zero, zero, np.ones(len(self), dtype=bool))
-
-    def take(self, members: Sequence[int] | IntArray) -> SegmentTable:
-        """Take some of the trips. O(rows of these trips).
-
-        Parameters
-        ----------
-        members : sequence of int
-            Indices of the trips.
-
-        Returns
-        -------
-        SegmentTable
-            Table of the trips in the order of `members`.
-        """
-        index = np.asarray(members, dtype=np.int64)
-        rows = np.concatenate([np.arange(self.offsets[i], self.offsets[i + 1]) for i in index])
-        some: dict[str, Any] = {n: v[rows] for n in _BY_ROW if (v := getattr(self, n)) is not None}
-        return SegmentTable(
-            trip_ids=tuple(self.trip_ids[i] for i in index),
-            offsets=np.concatenate(([0], np.cumsum(np.diff(self.offsets)[index]))),
-            features=self.features.iloc[rows].reset_index(drop=True),
-            **some,
-            charge=None if self.charge is None else self.charge[index],
-            errors=None if self.errors is None else self.errors.take(index),
-            covariates=None
-            if self.covariates is None
-            else self.covariates.iloc[index].reset_index(drop=True),
-            added=self.added,
-        )
 
     def totals_wh(self, power_w: FloatArray) -> FloatArray:
         """Sum a power over each trip.
@@ -182,32 +146,19 @@ class SegmentTable:
         SegmentTable
             Trips in the order of the tables; measured power and charge are None unless all tables have them.
         """
-        if any(t.observed_climate_w is not None for t in tables):
-            tables = [
-                t if t.observed_climate_w is not None else replace(t, observed_climate_w=t.climate_residual_w)
-                for t in tables
-            ]
-
-        def joined(name: str) -> Any:
-            parts = [getattr(t, name) for t in tables]
-            return None if any(part is None for part in parts) else np.concatenate(parts)
-
-        return cls(
-            trip_ids=tuple(i for t in tables for i in t.trip_ids),
-            offsets=np.concatenate(([0], np.cumsum([len(t.hours) for t in tables]))).astype(np.int64),
-            features=pd.concat([t.features for t in tables], ignore_index=True),
-            **{name: joined(name) for name in (*_BY_ROW, "charge")},
-            errors=None
-            if all(t.errors is None for t in tables)
-            else EnergyErrors.join([t.energy_errors for t in tables]),
-            covariates=None
-            if all(t.covariates is None for t in tables)
-            else pd.concat(
-                [pd.DataFrame(index=range(len(t))) if t.covariates is None else t.covariates for t in tables],
-                ignore_index=True,
-            ),
-            added=tables[0].added,
-        )
+        complete: dict[str, Callable[[SegmentTable], Any]] = {
+            "observed_climate_w": lambda t: np.full(len(t.hours), np.nan),
+            "errors": lambda t: t.energy_errors,
+            "covariates": lambda t: pd.DataFrame(index=range(len(t))),
+        }
+        columns = {name: [getattr(t, name) for t in tables] for name in (*cls.by_trip, *cls.by_row)}
+        for name, default in complete.items():
+            if any(part is not None for part in columns[name]):
+                pairs = zip(tables, columns[name], strict=True)
+                columns[name] = [default(t) if part is None else part for t, part in pairs]
+        offsets = running_sum(np.concatenate([np.diff(t.offsets) for t in tables])).astype(np.int64)
+        values = {name: joined(parts) for name, parts in columns.items()}
+        return cls(offsets=offsets, added=tables[0].added, **values)
 
 
 def segment_table(

@@ -12,6 +12,7 @@ import pandas as pd
 
 from tripwatt.arrays import FloatArray, IntArray
 from tripwatt.errors import Fault, raise_faults
+from tripwatt.hybrid.rows import RowTable
 from tripwatt.physics import simulate_trip
 from tripwatt.trips import Trip, require_unique_ids, resample
 from tripwatt.units import SECONDS_PER_HOUR
@@ -34,7 +35,7 @@ UNKNOWN_LEVEL: Final = "unknown"
 
 
 @dataclass(frozen=True, eq=False)
-class TripTable:
+class TripTable(RowTable):
     """Trips as one flat table: rows of trip i are ``offsets[i]:offsets[i + 1]``.
 
     Attributes
@@ -68,6 +69,9 @@ class TripTable:
     (0, True)
     """
 
+    by_trip = ("trips",)
+    by_row = ("covariates", "observed_wh", "simulated_wh", "totals")
+
     trips: tuple[Trip, ...]
     offsets: IntArray
     covariates: pd.DataFrame
@@ -75,9 +79,6 @@ class TripTable:
     simulated_wh: Mapping[str, FloatArray]
     totals: pd.DataFrame
     notes: tuple[str, ...] = ()
-
-    def __len__(self) -> int:
-        return len(self.trips)
 
     @property
     def trip_ids(self) -> tuple[str, ...]:
@@ -91,11 +92,6 @@ class TripTable:
             t.trip_id if t.context.started_at is None else f"{t.context.started_at:%Y-%m-%d}"
             for t in self.trips
         )
-
-    @property
-    def groups(self) -> IntArray:
-        """Index of the trip that each row belongs to, shape (rows,)."""
-        return np.repeat(np.arange(len(self), dtype=np.int64), np.diff(self.offsets))
 
     @property
     def last_rows(self) -> IntArray:
@@ -116,48 +112,6 @@ class TripTable:
             Cumulative energy [Wh]; zeros for None.
         """
         return np.zeros(len(self.observed_wh)) if preset is None else self.simulated_wh[preset]
-
-    def rows_of(self, members: IntArray) -> IntArray:
-        """List the rows of some trips.
-
-        Parameters
-        ----------
-        members : ndarray of int
-            Indices of the trips.
-
-        Returns
-        -------
-        ndarray of int
-            Row numbers, trip by trip in the order of `members`.
-        """
-        if not len(members):
-            return np.empty(0, np.int64)
-        return np.concatenate([np.arange(self.offsets[i], self.offsets[i + 1]) for i in members])
-
-    def take(self, members: Sequence[int] | IntArray) -> TripTable:
-        """Take some of the trips. O(rows of these trips).
-
-        Parameters
-        ----------
-        members : sequence of int
-            Indices of the trips.
-
-        Returns
-        -------
-        TripTable
-            Table of the trips in the order of `members`.
-        """
-        index = np.asarray(members, dtype=np.int64)
-        rows = self.rows_of(index)
-        return replace(
-            self,
-            trips=tuple(self.trips[i] for i in index),
-            offsets=np.concatenate(([0], np.cumsum(np.diff(self.offsets)[index]))),
-            covariates=self.covariates.iloc[rows].reset_index(drop=True),
-            observed_wh=self.observed_wh[rows],
-            simulated_wh={name: values[rows] for name, values in self.simulated_wh.items()},
-            totals=self.totals.iloc[rows].reset_index(drop=True),
-        )
 
     def without_samples(self) -> TripTable:
         """Drop the samples of the trips, which no model uses, so that the table is cheap to send to a process.
