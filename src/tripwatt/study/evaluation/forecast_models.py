@@ -57,7 +57,7 @@ class PowerMethod(Method[ForecastData]):
 
     def fit_all_folds(self, data: ForecastData, folds: IntArray, seed: int, *, inner_errors: bool) -> Fitted:
         """Correct the power of each trip by its familiarity with trips of the other folds."""
-        learner, segments = _held_out_learner(self.corrector or "", seed), data.segments
+        learner, segments = self._learner(seed), data.segments
         correction = _left_out(learner, learner.columns(segments), segments.residual_w, data, folds)
         share, features, row_folds = np.ones(len(correction)), segments.features, folds[segments.groups]
         for fold in np.unique(folds):
@@ -69,23 +69,20 @@ class PowerMethod(Method[ForecastData]):
         """Return the segments, and the data that identify the stages if these are identified."""
         return replace(hold_out.data, logs=()) if self.identified else hold_out.data.slim()
 
+    def _learner(self, seed: int) -> LearnerCorrector:
+        """Make a corrector whose learner predicts all folds, each held out, at once."""
+        built = power_corrector(self.corrector or "", seed)
+        assert isinstance(built, LearnerCorrector)
+        return built
 
-@dataclass(frozen=True, slots=True)
-class DataMethod(Method[ForecastData]):
-    """The learner of a corrector on the measured power itself, without physics.
 
-    Attributes
-    ----------
-    corrector : str
-        One of `tripwatt.hybrid.POWER_CORRECTORS` with a learner.
-    """
-
-    corrector: str
+class DataMethod(PowerMethod):
+    """The learner of a corrector on the measured power itself, without physics."""
 
     def fit(self, data: ForecastData, train: IntArray, seed: int) -> Fitted:
         """Fit the learner."""
         segments, columns = data.segments, data.data_features
-        learner = _held_out_learner(self.corrector, seed)
+        learner = self._learner(seed)
         rows = np.isin(segments.groups, train)
         power_w = segments.take(np.sort(train)).observed_power_w
         learner.model.fit(columns[rows], power_w, groups=segments.groups[rows])
@@ -96,26 +93,11 @@ class DataMethod(Method[ForecastData]):
 
         return Fitted(predict)
 
-    def shares_folds(self, seed: int) -> bool:
-        """Return True: every learner can leave groups out."""
-        return True
-
     def fit_all_folds(self, data: ForecastData, folds: IntArray, seed: int, *, inner_errors: bool) -> Fitted:
         """Predict the power of each trip."""
-        learner, segments = _held_out_learner(self.corrector, seed), data.segments
+        learner, segments = self._learner(seed), data.segments
         power = _left_out(learner, data.data_features, segments.observed_power_w, data, folds)
         return Fitted(segments.totals_wh(power).__getitem__)
-
-    def required_data(self, hold_out: HoldOut[ForecastData], scored: IntArray) -> ForecastData:
-        """Return the segments and data features."""
-        return hold_out.data.slim()
-
-
-def _held_out_learner(corrector: str, seed: int) -> LearnerCorrector:
-    """Make a corrector whose learner predicts all folds, each held out, at once."""
-    built = power_corrector(corrector, seed)
-    assert isinstance(built, LearnerCorrector)
-    return built
 
 
 def _left_out(
