@@ -455,11 +455,7 @@ def _curve_value(rows: Sequence[FloatArray], vehicle: Vehicle) -> _Values:
     battery = vehicle.battery
     knots = np.linspace(0.0, 1.0, 11)
     everything = np.concatenate(rows)
-    place = np.minimum(everything[:, 0] * 10.0, 10.0 - 1e-9)
-    left = place.astype(np.int64)
-    hats = np.zeros((len(everything), len(knots)))
-    hats[np.arange(len(place)), left] = 1.0 - (place - left)
-    hats[np.arange(len(place)), left + 1] = place - left
+    hats = np.column_stack([np.interp(everything[:, 0], knots, peak) for peak in np.eye(len(knots))])
     # second differences of the change over steps of 0.1 have a prior standard deviation of 0.01 V; a choice
     bends = np.diff(np.eye(len(knots)), n=2, axis=0)
     X = np.vstack([hats / REST_SD_V, np.eye(len(knots)) / CURVE_WIDTH_V, bends / 0.01])

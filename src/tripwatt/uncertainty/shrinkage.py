@@ -202,9 +202,7 @@ def _off_share(off: FloatArray, not_drawn: FloatArray, scale_wh: FloatArray) -> 
     if int(stays.any(axis=0).sum()) < 3:
         return 0.0
     share, weight = (not_drawn[stays] / off[stays]), (np.abs(off) / scale_wh)[stays]
-    order = np.argsort(share, kind="stable")
-    below = np.cumsum(weight[order])
-    middle = share[order][np.searchsorted(below, 0.5 * below[-1])]
+    middle = np.quantile(share, 0.5, weights=weight, method="inverted_cdf")
     return float(np.clip(middle, 0.0, 1.0))
 
 

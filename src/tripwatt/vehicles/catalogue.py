@@ -9,7 +9,6 @@ published, the medians of the coast-downs of the table.
 from __future__ import annotations
 
 import csv
-import dataclasses
 import math
 import statistics
 import types
@@ -17,6 +16,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
 from typing import Any, Final
+
+import numpy as np
 
 from tripwatt.units import GRAVITY_M_S2, KG_PER_LB, M_S_PER_MPH, N_PER_LBF
 from tripwatt.vehicles.inheriting import DATA
@@ -298,12 +299,13 @@ def class_values(without: frozenset[str] = frozenset()) -> ClassValues:
     medians[QUADRICYCLE] = TWIZY_DRAG_AREA_M2
     for body in BODIES:
         medians.setdefault(body, statistics.median([area for own in areas.values() for area in own]))
-    classes = ClassValues(rolling, per_speed, types.MappingProxyType(medians), 0.0, 0.0, len(runs))
-    spreads = _spreads(runs, classes)
-    return dataclasses.replace(classes, rolling_sd=spreads[0], drag_area_sd=spreads[1])
+    spreads = _spreads(runs, rolling, per_speed, medians)
+    return ClassValues(rolling, per_speed, types.MappingProxyType(medians), *spreads, len(runs))
 
 
-def _spreads(runs: list[tuple[str, Coastdown]], classes: ClassValues) -> tuple[float, float]:
+def _spreads(
+    runs: list[tuple[str, Coastdown]], constant: float, per_speed: float, drag_area_m2: Mapping[str, float]
+) -> tuple[float, float]:
     """Return independent relative deviations of rolling and air drag that reproduce the scatter of the forces at two speeds.
 
     Errors of the parts A, B and C of one coast-down offset each other, so the scatter of each part alone is too large. The
@@ -314,18 +316,15 @@ def _spreads(runs: list[tuple[str, Coastdown]], classes: ClassValues) -> tuple[f
     for speed in SPREAD_SPEEDS_M_S:
         errors, rolling_shares = [], []
         for body, run in runs:
-            rolling = (classes.rolling + classes.rolling_per_speed_s_m * speed) * run.weight_n
-            air = 0.5 * ROAD_LOAD_DENSITY_KG_M3 * classes.drag_area_m2[body] * speed**2
+            rolling = (constant + per_speed * speed) * run.weight_n
+            air = 0.5 * ROAD_LOAD_DENSITY_KG_M3 * drag_area_m2[body] * speed**2
             errors.append(math.log(run.force_n(speed) / (rolling + air)))
             rolling_shares.append(rolling / (rolling + air))
         variances.append(statistics.variance(errors))
         shares.append(statistics.fmean(rolling_shares))
-    (p, q), (s, t) = ((share**2, (1.0 - share) ** 2) for share in shares)
-    v, w = variances
-    determinant = p * t - q * s
-    rolling_variance, air_variance = (v * t - q * w) / determinant, (p * w - v * s) / determinant
-    least = SMALLEST_SPREAD**2
-    return math.sqrt(max(rolling_variance, least)), math.sqrt(max(air_variance, least))
+    found = np.linalg.solve([(share**2, (1.0 - share) ** 2) for share in shares], variances)
+    rolling_sd, air_sd = np.sqrt(np.maximum(found, SMALLEST_SPREAD**2)).tolist()
+    return rolling_sd, air_sd
 
 
 LISTED: Final = "simplified by its authors from public charts"

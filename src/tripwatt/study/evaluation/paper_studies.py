@@ -309,16 +309,12 @@ def crossing(sizes: IntArray, means: FloatArray) -> float:
 
     Examples
     --------
-    >>> float(crossing(np.array([1, 4, 16]), np.array([[0.5, 0.3, 0.1], [0.9, 0.6, 0.4]])).round(6))
+    >>> round(crossing(np.array([1, 4, 16]), np.array([[0.5, 0.3, 0.1], [0.9, 0.6, 0.4]])), 6)
     2.0
     """
     target, curve = means[1, -1], means[0]
     below = np.flatnonzero(curve <= target)
     if not len(below):
         return float("inf")
-    i = int(below[0])
-    if i == 0:
-        return np.float64(sizes[0])
-    share = (curve[i - 1] - target) / (curve[i - 1] - curve[i])
-    logs = np.log(sizes[[i - 1, i]])
-    return np.float64(np.exp(logs[0] + share * (logs[1] - logs[0])))
+    around = slice(max(below[0] - 1, 0), below[0] + 1)
+    return float(np.exp(np.interp(-target, -curve[around], np.log(sizes[around]))))
