@@ -76,7 +76,7 @@ class StoredTrees(PowerCorrector):
     columns : tuple of str
         Features that the trees split on, in order.
     start, rest : float
-        Power added before and after the sum of the trees [W].
+        Power besides that of the trees [W]; `rest` is part of the mean.
     divisor : int or None
         Number of trees of a mean; None for a sum.
     familiarity : Familiarity
@@ -105,23 +105,19 @@ class StoredTrees(PowerCorrector):
             If the learner has no trees.
         """
         model = corrector.model
-        if not hasattr(model, "booster_"):
+        if not hasattr(model, "trees_"):
             raise InvalidInput(_unstorable(corrector))
-        lone = model.position_ < 0
-        text = "" if model.booster_ is None else model.booster_.model_to_string(num_iteration=-1)
-        trees = TreeTable.from_text(text, int((~lone).sum()))
-        if hasattr(model, "steps_"):
-            start, rest, divisor = float(model.start_), float(model.steps_[lone].sum()), None
-        else:
-            start, rest, divisor = 0.0, float(model.values_[lone, 0].sum()), len(model.position_)
-        return cls(trees, corrector.features, start, rest, divisor, corrector.familiarity)
+        booster, n_trees, rest = model.trees_
+        trees = TreeTable.from_text(
+            "" if booster is None else booster.model_to_string(num_iteration=-1), n_trees
+        )
+        return cls(trees, corrector.features, model.start_, rest, model.divisor_, corrector.familiarity)
 
     def predict(self, table: SegmentTable) -> FloatArray:
         """Residual power [W]."""
         values, names = table.features.to_numpy(dtype=np.float64), table.features.columns.tolist()
         X = values[:, [names.index(c) for c in self.columns]]
-        total = self.trees.sum(X) + self.rest
-        power = self.start + total if self.divisor is None else total / self.divisor
+        power = self.start + (self.trees.sum(X) + self.rest) / (self.divisor or 1)
         return np.asarray(power * self.familiarity.share(table.features))
 
 

@@ -20,7 +20,7 @@ from tripwatt.arrays import FloatArray, IntArray
 from tripwatt.learners.clusters import Loss, ScoreRows, folds_of
 from tripwatt.learners.correlation import LARGEST, Correlation
 from tripwatt.learners.folds import deal_folds
-from tripwatt.learners.rounds import boost, write_leaf_values
+from tripwatt.learners.rounds import boost
 from tripwatt.learners.trees import ClusteredTrees, Sample, keep_arguments, sum_of_trees
 
 
@@ -183,8 +183,8 @@ class ClusteredBoosting(ClusteredTrees):
         self.best_params_ = chosen
         self.n_rounds_ = n_rounds
         self.correlation_parameter_ = path.rho
-        self.start_ = path.start
-        self.booster_, self.position_, self.steps_ = write_leaf_values(path)
+        self.start_, self.divisor_ = path.start, None
+        self.trees_ = path.trees.with_values(path.values)
         return self
 
     def leave_groups_out(self, X: Any, y: Any, groups: Any = None, folds: Any = None) -> FloatArray:
@@ -232,13 +232,10 @@ class ClusteredBoosting(ClusteredTrees):
         copy: ClusteredBoosting = clone(self).set_params(n_rounds=rounds, n_folds=None)
         return copy
 
-    def _raw(self, rows: FloatArray) -> FloatArray:
-        return _values(rows, self.start_, self.booster_, self.position_, self.steps_)
-
     def _predict(self, rows: FloatArray, *fit: Any) -> FloatArray:
         """Boost with the arguments of a fit and predict `rows`."""
         path = boost(*fit, start=self.start)
-        return _values(rows, path.start, *write_leaf_values(path))
+        return path.start + sum_of_trees(rows, *path.trees.with_values(path.values))
 
     def _errors(
         self, sample: Sample, setting: dict[str, Any], block: IntArray, left_out: tuple[int, ...], seed: int
@@ -276,14 +273,6 @@ class ClusteredBoosting(ClusteredTrees):
             errors[b, setting][:, block == c] = losses[:, block == c]
         chosen = [_choice(list(errors[b])) for b in range(n_blocks)]
         return [chosen[b] for b in block_of_fold]
-
-
-def _values(
-    rows: FloatArray, start: float, booster: Any, position: IntArray, steps: FloatArray
-) -> FloatArray:
-    """Prediction of encoded rows: the sum of start, trees and lone leaves."""
-    total = sum_of_trees(booster, rows, position)
-    return np.asarray(start + total + steps[position < 0].sum())
 
 
 def _blocks(n: int, n_blocks: int, seed: int) -> IntArray:

@@ -22,7 +22,6 @@ from tripwatt.learners.trees import (
     Sample,
     Trees,
     keep_arguments,
-    sum_of_trees,
 )
 
 _CHUNK = 16_384  # rows whose leaf numbers are held at a time
@@ -174,17 +173,14 @@ class ClusteredForest(ClusteredTrees):
         # the leaf values are written into the booster, so that it alone can predict
         widths = forests[best].leaves.max(axis=1) + 1
         values = [values[:width] for values, width in zip(self.values_, widths, strict=True)]
-        self.booster_, self.position_ = forests[best].trees.with_values(values)
+        self.trees_ = forests[best].trees.with_values(values)
+        self.start_, self.divisor_ = 0.0, self.n_trees
         return self
 
     def tuned(self) -> ClusteredForest:
         """Return an unfitted copy with the setting that `fit` chose, to fit on a part of the same groups."""
         copy: ClusteredForest = clone(self).set_params(param_grid=None, **self.best_params_)
         return copy
-
-    def _raw(self, rows: FloatArray) -> FloatArray:
-        total = sum_of_trees(self.booster_, rows, self.position_)
-        return np.asarray(total + self.values_[self.position_ < 0, 0].sum()) / len(self.position_)
 
     def leave_groups_out(self, X: Any, y: Any, groups: Any = None, folds: Any = None) -> FloatArray:
         """Prediction of each row by a forest that is grown and tuned without the row's fold.

@@ -87,12 +87,3 @@ def boost(
                 break
     path.rho = working.rho
     return path
-
-
-def write_leaf_values(path: Path) -> tuple[Any, IntArray, FloatArray]:
-    """Write the leaf values of a path into its booster.
-
-    Returns the booster, the index of each tree in it (-1 for a lone leaf), and the first leaf value of each tree.
-    """
-    booster, position = path.trees.with_values(path.values)
-    return booster, position, np.array([values[0] for values in path.values])

@@ -118,12 +118,14 @@ class Trees:
         self.position.append(self._n_kept)
         self._n_kept += 1
 
-    def with_values(self, values: Sequence[FloatArray]) -> tuple[Any, IntArray]:
-        """Write leaf values into the booster; returns the booster and the index of each tree in it (-1 for a lone leaf)."""
+    def with_values(self, values: Sequence[FloatArray]) -> tuple[Any, int, float]:
+        """Write leaf values into the booster; returns it, the number of its trees, and the sum of the lone leaves, which it lacks."""
+        rest = 0.0
         for place, its_values in zip(self.position, values, strict=True):
+            rest += float(its_values[0]) if place < 0 else 0.0
             for leaf, value in enumerate(its_values if place >= 0 else ()):
                 self.booster.set_leaf_output(place, leaf, float(value))
-        return self.booster, np.array(self.position, dtype=np.int64)
+        return self.booster, self._n_kept, rest
 
     def leaves(self, X: FloatArray, first: int = 0) -> IntArray:
         """Leaf of each row in each tree from `first` on, shape (n_trees - first, n_rows)."""
@@ -180,7 +182,10 @@ _ALLOWED: Final[Mapping[str, Allowed]] = {
 
 
 class ClusteredTrees(RegressorMixin, BaseEstimator):
-    """Base class of learners for clustered rows with trees of LightGBM; subclasses add their settings and their prediction."""
+    """Base class of learners for clustered rows with trees of LightGBM; subclasses add their settings and their fit.
+
+    A fit sets `trees_` (see `Trees.with_values`); the prediction is `start_` plus their sum, divided by `divisor_` unless that is None.
+    """
 
     settings_names: ClassVar[tuple[str, ...]]
     """Settings that `param_grid` may choose."""
@@ -199,12 +204,9 @@ class ClusteredTrees(RegressorMixin, BaseEstimator):
 
     def predict(self, X: Any) -> FloatArray:
         """Prediction of each row, shape (n_rows,): the mean of a forest's trees, or a boosting after its chosen rounds."""
-        check_is_fitted(self, "position_")
-        return self._raw(validate_data(self, encoded(X, self.levels_), reset=False, **_NUMBERS))
-
-    def _raw(self, rows: FloatArray) -> FloatArray:
-        """Prediction of encoded rows."""
-        raise NotImplementedError
+        check_is_fitted(self, "trees_")
+        rows = validate_data(self, encoded(X, self.levels_), reset=False, **_NUMBERS)
+        return np.asarray(self.start_ + sum_of_trees(rows, *self.trees_) / (self.divisor_ or 1))
 
     def _prepare(self, X: Any, y: Any, groups: Any) -> tuple[Sample, Clusters, FloatArray, int]:
         """Check settings and input of `fit`, thin and bin the rows.
@@ -248,12 +250,11 @@ def keep_arguments(estimator: Any, arguments: Mapping[str, Any]) -> None:
             setattr(estimator, name, value)
 
 
-def sum_of_trees(booster: Any, X: FloatArray, position: IntArray) -> FloatArray:
-    """Sum of the trees of a booster, shape (n_rows,), without the lone leaves, whose `position` is -1."""
-    n_trees = int((position >= 0).sum())
+def sum_of_trees(X: FloatArray, booster: Any, n_trees: int, rest: float) -> FloatArray:
+    """Sum of the trees of a booster and of the `rest` that it lacks, shape (n_rows,)."""
     if n_trees == 0:
-        return np.zeros(len(X))
-    return np.asarray(booster.predict(X, num_iteration=n_trees, raw_score=True, num_threads=1), dtype=float)
+        return np.full(len(X), rest)
+    return np.asarray(booster.predict(X, num_iteration=n_trees, raw_score=True, num_threads=1) + rest)
 
 
 def _check_parameters(estimator: Any, allowed: Mapping[str, Allowed]) -> None:
