@@ -78,7 +78,7 @@ def boost(
         if scored:
             loss = sample.loss(fitted)
             path.losses.append(np.full(loss.shape, np.nan))
-            for k in np.flatnonzero(since_best < patience):
+            for k in np.flatnonzero(since_best < patience).tolist():
                 path.losses[-1][scored[k]] = loss[scored[k]]
                 mean = loss[scored[k]].mean()
                 since_best[k] = 0 if mean < best[k] else since_best[k] + 1
