@@ -9,7 +9,7 @@ before it.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -318,21 +318,13 @@ def _curve(
     """Return the mean error over random draws for each number k of trips and, for a car with enough trips, with the whole first half."""
     n = len(evidence)
     half = n // 2 if n >= FEW else n
-
-    def scores(k: int, splits: Iterable[Split]) -> dict[str, Any]:
-        draw_scores = [
-            _draw_error(learner, evidence.take(split.train), evidence.take(split.test)) for split in splits
-        ]
-        errors = _mean_over_draws(draw_scores) if k < half else draw_scores[0]
-        return {"k": k, "draws": len(draw_scores), **errors}
-
-    rows = [
-        scores(k, _draws(n, half, k, draws if k else 1, seed))
-        for k in trips
-        if k < half and (n >= FEW or n - k >= MIN_SCORED or not k)
-    ]
-    if n >= FEW:
-        rows.append(scores(half, [Split(0, np.arange(half), np.arange(half, n))]))
+    counts = [k for k in trips if k < half and (n >= FEW or n - k >= MIN_SCORED or not k)]
+    rows = []
+    for k in [*counts, half] if n >= FEW else counts:
+        splits = _draws(n, half, k, draws if 0 < k < half else 1, seed)
+        sets = ((evidence.take(split.train), evidence.take(split.test)) for split in splits)
+        errors = [_error(test.residual_wh - learner(train, test), test.observed_wh) for train, test in sets]
+        rows.append({"k": k, "draws": len(errors), **(_mean_over_draws(errors) if k < half else errors[0])})
     return rows
 
 
@@ -342,10 +334,6 @@ def _draws(n: int, half: int, k: int, draws: int, seed: int) -> Iterator[Split]:
     for draw in range(draws):
         train = np.sort(rng.permutation(half)[:k])
         yield Split(draw, train, np.arange(half, n) if half < n else np.delete(np.arange(n), train), draw)
-
-
-def _draw_error(learner: Learner, train: TripEvidence, test: TripEvidence) -> dict[str, float]:
-    return _error(test.residual_wh - learner(train, test), test.observed_wh)
 
 
 def _mean_over_draws(scores: Sequence[Mapping[str, float]]) -> dict[str, Any]:
