@@ -15,7 +15,7 @@ marginal likelihood, which the pass to the root also gives.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
 from typing import Any, Final
@@ -174,10 +174,8 @@ class Scales:
 
     def with_logs(self, logs: FloatArray) -> Scales:
         """Make scales from logarithms in the order of `logs`, for the same features."""
-        values = np.exp(logs).tolist()
-        parts = len(self.sds[0])
-        sds = tuple(tuple(values[i * parts : (i + 1) * parts]) for i in range(len(self.sds)))
-        return Scales(sds, values[-1], self.split, self.root)
+        sds = np.exp(logs[:-1]).reshape(np.shape(self.sds)).tolist()
+        return replace(self, sds=tuple(map(tuple, sds)), noise=float(np.exp(logs[-1])))
 
 
 @dataclass(frozen=True, eq=False)
