@@ -17,7 +17,7 @@ from functools import cache
 from typing import Any, Final
 
 from tripwatt.arrays import by_key
-from tripwatt.vehicles.catalogue import class_values, records
+from tripwatt.vehicles.catalogue import class_values, entry, records
 
 CLASS: Final = "*"
 """Name of the rows that hold for cars without certified figures."""
@@ -76,14 +76,9 @@ def with_anchor(document: Mapping[str, Any], anchor: Anchor | None) -> dict[str,
     result: dict[str, Any] = {**document, "anchor": anchor.level}
     for key, (value, unit) in anchor.entries.items():
         section, _, name = key.partition(".")
-        entry = {
-            "value": value,
-            "unit": unit,
-            "source": "certified consumption of the car" if anchor.level != "class" else "class of the car",
-            "licence": "estimate",
-            "estimated": anchor.reason,
-        }
-        result[section] = {**result.get(section, {}), name: entry}
+        source = "class of the car" if anchor.level == "class" else "certified consumption of the car"
+        anchored = entry(value, unit, source, "estimate", anchor.reason)
+        result[section] = {**result.get(section, {}), name: anchored}
     return result
 
 

@@ -327,6 +327,18 @@ def _spreads(
     return rolling_sd, air_sd
 
 
+def entry(value: Any, unit: str, source: str, licence: str, estimated: str = "") -> dict[str, Any]:
+    """Make an entry of a car's document; `estimated` says how, if the value is an estimate.
+
+    Examples
+    --------
+    >>> entry(9.5, "1", "class of the car", "estimate")
+    {'value': 9.5, 'unit': '1', 'source': 'class of the car', 'licence': 'estimate'}
+    """
+    cited = {"value": value, "unit": unit, "source": source, "licence": licence}
+    return cited | ({"estimated": estimated} if estimated else {})
+
+
 LISTED: Final = "simplified by its authors from public charts"
 
 

@@ -22,6 +22,7 @@ from tripwatt.vehicles.catalogue import (
     Coastdown,
     Row,
     curb_mass_kg,
+    entry,
 )
 
 WHEEL_RADIUS_M: Final = shipped_toml("vehicles/data/table/bodies.toml")["wheel_radius_m"]
@@ -144,8 +145,7 @@ def _split(row: Row) -> str:
 
 
 def _sourced(value: float, cell: Cell, estimated: str = "") -> dict[str, Any]:
-    entry: dict[str, Any] = {"value": value, "source": cell.citation, "licence": cell.licence}
-    return entry | ({"estimated": estimated} if estimated else {})
+    return entry(value, "", cell.citation, cell.licence, estimated)
 
 
 def similar_document(car: Figures, classes: ClassValues) -> dict[str, Any]:
@@ -201,8 +201,7 @@ def similar_document(car: Figures, classes: ClassValues) -> dict[str, Any]:
 
 
 def _class(value: float, unit: str, estimated: str) -> dict[str, Any]:
-    source = "class of the car"
-    return {"value": value, "unit": unit, "source": source, "licence": "estimate", "estimated": estimated}
+    return entry(value, unit, "class of the car", "estimate", estimated)
 
 
 def _road_load(car: Figures, classes: ClassValues) -> dict[str, Any]:
@@ -223,13 +222,8 @@ def _road_load(car: Figures, classes: ClassValues) -> dict[str, Any]:
         "coastdown_mass_kg": (run.mass_kg, "kg"),
     }
     entries = {key: {**about, "value": value, "unit": unit} for key, (value, unit) in values.items()}
-    entries["coastdown_air_density_kg_m3"] = {
-        "value": ROAD_LOAD_DENSITY_KG_M3,
-        "unit": "kg/m3",
-        "source": "SAE J2263 reference conditions, 20 degC and 98.21 kPa, ideal gas",
-        "licence": "facts",
-    }
-    return entries
+    how = "SAE J2263 reference conditions, 20 degC and 98.21 kPa, ideal gas"
+    return entries | {"coastdown_air_density_kg_m3": entry(ROAD_LOAD_DENSITY_KG_M3, "kg/m3", how, "facts")}
 
 
 def _battery(car: Figures) -> dict[str, Any]:
