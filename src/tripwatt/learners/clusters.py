@@ -87,11 +87,6 @@ class Clusters:
             raise InvalidInput.of("missing group label", f"row {rows[0]}", f"{rows.size} missing", "a label")
         return cls(np.asarray(labels), codes.astype(np.int64))
 
-    @property
-    def n_groups(self) -> int:
-        """Number of groups."""
-        return len(self.labels)
-
 
 def thinned_rows(codes: IntArray, max_rows: int | None) -> IntArray:
     """Choose the rows to fit: at most `max_rows` of each group, evenly spaced, including the first (if `max_rows` is above 1) and the last.
@@ -185,9 +180,9 @@ def mean_over_groups(losses: FloatArray) -> float:
 def folds_of(folds: Any, clusters: Clusters) -> IntArray:
     """Index of each group's fold among the sorted labels of the folds; raises InvalidInput if a group is in two folds."""
     if folds is None:
-        return np.arange(clusters.n_groups)
+        return np.arange(len(clusters.labels))
     by_row = Clusters.from_groups(folds, clusters.codes.size)
-    fold_of_group = np.zeros(clusters.n_groups, dtype=np.int64)
+    fold_of_group = np.zeros(len(clusters.labels), dtype=np.int64)
     fold_of_group[clusters.codes] = by_row.codes
     torn = clusters.labels[np.unique(clusters.codes[fold_of_group[clusters.codes] != by_row.codes])]
     allowed = "one fold for all rows of a group"

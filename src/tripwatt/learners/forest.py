@@ -213,7 +213,7 @@ class ClusteredForest(ClusteredTrees):
         best = np.zeros(len(held), dtype=np.int64)
         if len(forests) > 1:
             # by trees out of bag for the fold and for the group that is scored
-            errors = np.array([_nested_losses(forest, sample, counts == 0, without) for forest in forests])
+            errors = np.array([_oob_losses(forest, sample, counts == 0, without) for forest in forests])
             errors[:, held] = np.nan
             best = np.argmin([[mean_over_groups(e) for e in error] for error in errors], axis=0)
         fold_of_row = fold_of_group[clusters.codes]
@@ -272,16 +272,14 @@ def _bootstrap(n_trees: int, allowed: BoolArray, seed: int) -> IntArray:
     return np.bincount(flat.ravel(), minlength=n_trees * allowed.size).reshape(n_trees, allowed.size)
 
 
-def _oob_losses(forest: _Grown, sample: Sample, out_of_bag: BoolArray) -> FloatArray:
-    """Out-of-bag loss of each group, shape (n_groups,)."""
-    used = out_of_bag[:, sample.codes]
-    total, n_used = (forest.sample_predictions() * used).sum(axis=0), used.sum(axis=0)
-    return sample.loss(np.divide(total, n_used, out=np.full(n_used.shape, np.nan), where=n_used > 0))
+def _oob_losses(
+    forest: _Grown, sample: Sample, out_of_bag: BoolArray, without: BoolArray | None = None
+) -> FloatArray:
+    """Loss of each group by the trees fitted without the group, shape (n_groups,).
 
-
-def _nested_losses(forest: _Grown, sample: Sample, out_of_bag: BoolArray, without: BoolArray) -> FloatArray:
-    """Loss of each group by the trees fitted without the group and without the fold, shape (n_folds, n_groups)."""
-    fold_trees = without.astype(float)
-    total = fold_trees @ (forest.sample_predictions() * out_of_bag[:, sample.codes])
-    n_used = (fold_trees @ out_of_bag.astype(float))[:, sample.codes]
+    With trees that are fitted `without` folds, of shape (n_folds, n_trees), only these count, and the shape is (n_folds, n_groups).
+    """
+    counted = np.ones(len(out_of_bag)) if without is None else without.astype(float)
+    total = counted @ (forest.sample_predictions() * out_of_bag[:, sample.codes])
+    n_used = (counted @ out_of_bag.astype(float))[..., sample.codes]
     return sample.loss(np.divide(total, n_used, out=np.full(total.shape, np.nan), where=n_used > 0))

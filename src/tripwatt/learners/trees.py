@@ -229,7 +229,7 @@ class ClusteredTrees(RegressorMixin, BaseEstimator):
             codes=codes,
             weight=row_weights(codes, self.group_weight),
             loss=GroupLoss(target[kept], codes, self.loss, self.score_rows),
-            n_groups=clusters.n_groups,
+            n_groups=len(clusters.labels),
         )
         seed = int(check_random_state(self.random_state).randint(2**31 - 2))
         return sample, clusters, rows, seed
