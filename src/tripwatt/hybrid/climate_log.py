@@ -7,7 +7,7 @@ from typing import Final
 import numpy as np
 import pandas as pd
 
-from tripwatt.arrays import FloatArray
+from tripwatt.arrays import FloatArray, running_sum
 from tripwatt.auditing.findings import array, has
 from tripwatt.auditing.signals import blank_stuck_heater
 
@@ -47,10 +47,8 @@ def logged_climate(samples: pd.DataFrame, edges_s: FloatArray) -> FloatArray | N
     step = np.diff(time)
     mean = 0.5 * (power[1:] + power[:-1])
     known = np.isfinite(mean) & (step <= np.diff(edges_s).max())
-    seconds = np.concatenate(([0.0], np.cumsum(np.where(known, step, 0.0))))
-    energy = np.concatenate(([0.0], np.cumsum(np.where(known, mean * step, 0.0))))
-    covered = np.diff(np.interp(edges_s, time, seconds))
-    gained = np.diff(np.interp(edges_s, time, energy))
+    sums = (running_sum(np.where(known, part, 0.0)) for part in (step, mean * step))
+    covered, gained = (np.diff(np.interp(edges_s, time, total)) for total in sums)
     # the mean of a segment counts if half of its time is logged; a choice
     enough = covered >= 0.5 * np.diff(edges_s)
     return np.where(enough, gained / np.where(enough, covered, 1.0), np.nan)

@@ -14,7 +14,15 @@ from tripwatt.arrays import IntArray, running_sum
 
 
 class Records:
-    """Base of a dataclass of which each field has a value for each trip: an array, a table, a tuple or records."""
+    """Base of a dataclass of which each field has a value for each trip: an array, a table, a tuple or records.
+
+    Examples
+    --------
+    >>> from tripwatt.hybrid.learning import Innovations
+    >>> two = Innovations(np.array([1.0, 2.0]), np.ones(2), np.ones((2, 1)))
+    >>> two.take([1]).mean_wh, (two + two.take([0])).mean_wh
+    (array([2.]), array([1., 2., 1.]))
+    """
 
     __dataclass_fields__: ClassVar[dict[str, Field[Any]]]
 

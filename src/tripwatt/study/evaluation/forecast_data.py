@@ -12,7 +12,7 @@ from typing import Final
 import numpy as np
 import pandas as pd
 
-from tripwatt.arrays import FloatArray, IntArray
+from tripwatt.arrays import FloatArray, IntArray, distance_driven
 from tripwatt.errors import InvalidInput
 from tripwatt.hybrid import SegmentTable, StageRecord, identify, resimulated, segment_trips, stage_record
 from tripwatt.hybrid.climate_log import TOLD_BY
@@ -167,8 +167,7 @@ def measured_log(trip: Trip, step_s: float = 1.0) -> pd.DataFrame:
     if cumulative is None:
         raise InvalidInput.of("no measured energy", trip.trip_id, "", "voltage and current of each trip")
     time = trip.array("time_s") - float(trip.array("time_s")[0])
-    speed = trip.array("speed_m_s")
-    distance = np.concatenate(([0.0], np.cumsum(0.5 * (speed[1:] + speed[:-1]) * np.diff(time))))
+    distance = distance_driven(time, trip.array("speed_m_s"))
     measured = np.isfinite(cumulative)
     if {"voltage_v", "current_a"} <= set(raw.columns):
         # energy in a gap is interpolated with the sample after it, so rows in the gap would depend on a later sample
