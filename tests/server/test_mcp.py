@@ -79,8 +79,7 @@ def cars(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def jobs(roads: str, cars: Path) -> Jobs:
-    atlas = JourneyJobs.from_settings(AtlasSettings(roads))
-    return Jobs.from_folders({}, Limits(), atlas, CarJobs(cars))
+    return Jobs.from_folders({}, Limits(), open_atlas(roads), cars)
 
 
 @pytest.fixture(scope="module")

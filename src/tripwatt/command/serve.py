@@ -214,15 +214,16 @@ def mcp(
     """
     needed = dict.fromkeys(("service", "mcp"), "tripwatt mcp") | ({"fleet": "--cars"} if cars else {})
     require_extras(needed)
-    from tripwatt.server.http import car_jobs, jobs, journeys, settings
+    from tripwatt.roads.journey import open_atlas
+    from tripwatt.server.http import jobs, settings
     from tripwatt.server.mcp import Assistant
 
     atlas = on_map.settings()
     with Check() as check:
         folders = check(models_of, model or [])
         check(make_cars_folder, cars)
-        planned = check(journeys.JourneyJobs.from_settings, atlas)
-    service = jobs.Jobs.from_folders(folders, settings.Limits(), planned, car_jobs.CarJobs(cars))
+        opened = check(open_atlas, atlas) if atlas.map else None
+    service = jobs.Jobs.from_folders(folders, settings.Limits(), opened, cars)
     remote = any("://" in named for named in asdict(atlas).values())
     Assistant(service, changes=changes, remote=remote).run()
 

@@ -19,7 +19,7 @@ from tests.support.service_schema import conformance
 
 import tripwatt as tw
 from tripwatt.errors import Fault, InvalidInput, RemoteError
-from tripwatt.roads.journey import Atlas, AtlasSettings
+from tripwatt.roads.journey import Atlas, open_atlas
 from tripwatt.server.http import journeys
 from tripwatt.server.http.journey_schemas import (
     AdviceResponse,
@@ -204,7 +204,7 @@ def test_what_is_named_in_a_part_of_the_map(planner: Service) -> None:
 
 def test_tiles_are_those_of_the_router() -> None:
     with answering(b"\x1a\x00tile") as valhalla:
-        tiles = JourneyJobs.from_settings(AtlasSettings(f"valhalla={valhalla.url}"))
+        tiles = JourneyJobs(open_atlas(f"valhalla={valhalla.url}"))
         assert tiles.describe()["tiles"] is True
         assert tiles.tile(12, 2156, 1436) == b"\x1a\x00tile"
         nothing = tiles.view((0.0, 0.0, 1.0, 1.0), 10)
@@ -282,7 +282,7 @@ EAST = {"latitude_deg": 47.0, "longitude_deg": 9.1}
 @pytest.fixture(scope="module")
 def jobs(tmp_path_factory: pytest.TempPathFactory) -> JourneyJobs:
     folder = write_map(tmp_path_factory.mktemp("map") / "map")
-    return JourneyJobs.from_settings(AtlasSettings(f"{folder}@osrm=http://127.0.0.1:9"))
+    return JourneyJobs(open_atlas(f"{folder}@osrm=http://127.0.0.1:9"))
 
 
 def faults_of(call: Any, *arguments: Any) -> tuple[Fault, ...]:
@@ -292,7 +292,7 @@ def faults_of(call: Any, *arguments: Any) -> tuple[Fault, ...]:
 
 
 def test_without_a_map_nothing_is_served() -> None:
-    none = JourneyJobs.from_settings(AtlasSettings())
+    none = JourneyJobs()
     assert none.atlas is None
     with pytest.raises(Problem, match="no-map") as caught:
         none.places("a", 1)

@@ -13,7 +13,6 @@ from tripwatt.server.cars.plan import LivePlan
 from tripwatt.server.http.example_requests import DRIVEN_REQUEST, PLANNED_REQUEST, UPLOADS
 from tripwatt.server.http.fleets import PlannedTripRequest
 from tripwatt.server.http.jobs import Jobs
-from tripwatt.server.http.journeys import JourneyJobs
 from tripwatt.server.http.schemas import RoadRequest, check_request
 from tripwatt.server.http.settings import Limits
 from tripwatt.trips import Plan
@@ -23,7 +22,7 @@ LEAVES = "2026-01-05T07:30:00Z"
 
 @pytest.fixture(scope="module")
 def jobs() -> Jobs:
-    return Jobs.from_folders({}, Limits(), JourneyJobs(MADE))
+    return Jobs.from_folders({}, Limits(), MADE)
 
 
 @pytest.fixture(scope="module")

@@ -20,7 +20,7 @@ from tripwatt.forecasting.storage import DEFAULT_MODEL
 from tripwatt.population.cars import for_car
 from tripwatt.roads.advice import advise
 from tripwatt.roads.advice.preheating import need_before_departure
-from tripwatt.roads.journey import range_km
+from tripwatt.roads.journey import Atlas, range_km
 from tripwatt.server.cars.documents import require_plausible
 from tripwatt.server.http import journey_schemas as journey
 from tripwatt.server.http.car_jobs import CarJobs
@@ -73,33 +73,33 @@ class Jobs:
     limits : Limits
     journeys : JourneyJobs
         The atlas of the service.
-    transferred : LRUCache
-        Models transferred to other cars, made when first used, by model and car.
     cars : CarJobs
         Cars whose models requests may name as well.
     fleets : mapping of str to FollowedModel
         Models of fleets that requests may name; without `models` the first is the default.
     folders : mapping of str to Path
         Folders of models and registries, by name.
+    transferred : LRUCache
+        Models transferred to other cars, made when first used, by model and car.
     """
 
     models: Mapping[str, ForecastModel]
     limits: Limits
     journeys: JourneyJobs = field(default_factory=JourneyJobs)
-    transferred: LRUCache[tuple[str, str | None], ForecastModel] = field(
-        default_factory=lambda: LRUCache(MAX_TRANSFERRED)
-    )
     cars: CarJobs = field(default_factory=CarJobs)
     fleets: Mapping[str, FollowedModel] = field(default_factory=dict)
     folders: Mapping[str, Path] = field(default_factory=dict)
+    transferred: LRUCache[tuple[str, str | None], ForecastModel] = field(
+        default_factory=lambda: LRUCache(MAX_TRANSFERRED)
+    )
 
     @classmethod
     def from_folders(
         cls,
         folders: Mapping[str, Path],
         limits: Limits,
-        journeys: JourneyJobs | None = None,
-        cars: CarJobs | None = None,
+        atlas: Atlas | None = None,
+        cars: Path | None = None,
         log: Callable[..., None] = lambda **record: None,
     ) -> Jobs:
         """Load the models.
@@ -109,8 +109,10 @@ class Jobs:
         folders : mapping of str to Path
             Name -> folder of a model or of a registry; empty for the model of the package.
         limits : Limits
-        journeys : JourneyJobs, optional
-        cars : CarJobs, optional
+        atlas : Atlas, optional
+            The map of the service.
+        cars : Path, optional
+            Folder of the cars.
         log : callable, optional
             Called with what happened to the models of fleets as keywords.
         """
@@ -123,7 +125,7 @@ class Jobs:
         if not folders:
             models = {DEFAULT_MODEL: load_model()}
         return cls(
-            models, limits, journeys or JourneyJobs(), cars=cars or CarJobs(), fleets=fleets, folders=folders
+            models, limits, JourneyJobs(atlas), CarJobs(cars, atlas and atlas.heights), fleets, folders
         )
 
     def warm_up(self) -> None:

@@ -12,7 +12,6 @@ from tripwatt.forecasting import ForecastModel
 from tripwatt.roads.advice import advise, leaving_later
 from tripwatt.roads.journey import (
     Atlas,
-    AtlasSettings,
     Journey,
     JourneyOptions,
     Place,
@@ -20,12 +19,10 @@ from tripwatt.roads.journey import (
     find_reach,
     find_stops,
     journey_with,
-    open_atlas,
 )
 from tripwatt.server.http import journey_schemas as asked
 from tripwatt.server.http.problems import Problem
 from tripwatt.server.http.schemas import departure_of
-from tripwatt.sources.table import Heights
 
 
 @dataclass(frozen=True)
@@ -39,16 +36,6 @@ class JourneyJobs:
     """
 
     atlas: Atlas | None = None
-
-    @classmethod
-    def from_settings(cls, settings: AtlasSettings) -> JourneyJobs:
-        """Open the atlas of the settings; without a map there is none."""
-        return cls(open_atlas(settings) if settings.map else None)
-
-    @property
-    def heights(self) -> Heights | None:
-        """Heights of the atlas; None without an atlas."""
-        return None if self.atlas is None else self.atlas.heights
 
     def plan(self, request: asked.PlanRequest, model: ForecastModel) -> dict[str, Any]:
         """Return the response to a `PlanRequest`."""

@@ -342,7 +342,7 @@ class LiveCars:
     def _jobs(self) -> Jobs:
         """The same models as in the workers, loaded when a car first needs one."""
         settings = self.settings
-        return Jobs.from_folders(settings.models, settings.limits, cars=CarJobs(settings.cars))
+        return Jobs.from_folders(settings.models, settings.limits, cars=settings.cars)
 
     async def last_message(self, car: Car) -> dict[str, Any]:
         """Return the parameter `last_message` of a job: charge and outside temperature that the last messages of a car show."""

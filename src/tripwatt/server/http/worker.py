@@ -18,10 +18,8 @@ from typing import Any, Final
 import orjson
 
 from tripwatt.errors import Fault, InvalidInput, excerpt, raise_faults
-from tripwatt.roads.journey import AtlasSettings
-from tripwatt.server.http.car_jobs import CarJobs
+from tripwatt.roads.journey import AtlasSettings, open_atlas
 from tripwatt.server.http.jobs import Jobs
-from tripwatt.server.http.journeys import JourneyJobs
 from tripwatt.server.http.log import log_json
 from tripwatt.server.http.problems import Problem, problem_of
 from tripwatt.server.http.settings import Limits
@@ -53,8 +51,8 @@ def prepare(models: Mapping[str, Path], limits: Limits, atlas: AtlasSettings, ca
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the service ends its workers
     signal.signal(signal.SIGTERM, signal.SIG_IGN)
     threading.Thread(target=_end_with_service, daemon=True).start()
-    journeys = JourneyJobs.from_settings(atlas)
-    jobs = Jobs.from_folders(models, limits, journeys, CarJobs(cars, journeys.heights), log_json)
+    opened = open_atlas(atlas) if atlas.map else None
+    jobs = Jobs.from_folders(models, limits, opened, cars, log_json)
     jobs.warm_up()
     gc.collect()
     gc.freeze()
