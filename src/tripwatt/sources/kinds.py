@@ -29,21 +29,9 @@ MEASURED: Final = frozenset((POWER, ENERGY, "current_a", "soc", "displayed_soc")
 HEAD_BYTES: Final = 1 << 16
 """Number of first bytes of a file that are read for its header."""
 
-
-@dataclass(frozen=True, slots=True)
-class Changes:
-    """Changes of a user to a proposed mapping.
-
-    Attributes
-    ----------
-    columns : mapping of str to (mapping or None)
-        Our column -> the `column` and `unit` to use instead of the proposed ones; None to leave the column out.
-    current_positive : str or None
-        Meaning of a positive current, "discharge" or "charge"; None to keep the proposed one.
-    """
-
-    columns: Mapping[str, Mapping[str, str | None] | None] = field(default_factory=dict)
-    current_positive: str | None = None
+Changes = Mapping[str, Any]
+"""In `changes`, our column -> the `column` and `unit` to use instead of the proposed ones, or None to leave the column out. In
+`current_positive`, "discharge" or "charge", or None to keep the proposed one. Both may be left out."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,7 +87,7 @@ def proposed_kinds(
     vehicle : Vehicle, optional
         The car whose battery gives the energy of a state of charge, or a voltage that is not logged.
     changes : mapping of int to Changes, optional
-        Number of the kind -> changes to its proposed mapping.
+        Number of the kind -> changes of a user to its proposed mapping.
     ignored : sequence of str
         Names of files that are left out.
 
@@ -129,7 +117,7 @@ def proposed_kinds(
         kept = [file for file in files if file.name not in ignored]
         kept.sort(key=lambda file: file in bare)  # those with a header of their own first
         kind = Kind({file: bare.get(file, ()) for file in sorted(kept)}, headers[(kept or files)[0]])
-        change = (changes or {}).get(number, Changes())
+        change = (changes or {}).get(number, {})
         kinds.append(_with_mapping(kind, kept, vehicle, change) if kept else kind)
     unread = {file: its_faults for file, its_faults in faults.items() if file.name not in ignored}
     return [*kinds, *(Kind({file: ()}, (), faults=its_faults) for file, its_faults in unread.items())]
@@ -159,13 +147,13 @@ def _changed(
 ) -> tuple[dict[str, Any], dict[str, float]]:
     """A proposed mapping with the changes of a user, and the battery values that are filled in from the car."""
     columns = tables.setdefault("columns", {})
-    for ours, choice in changes.columns.items():
+    for ours, choice in changes.get("changes", {}).items():
         before = columns.pop(ours, {})
         if choice is not None:
             unchanged = before if before.get("column") == choice["column"] else {}
             columns[ours] = {**unchanged, **{key: text for key, text in choice.items() if text}}
-    if changes.current_positive is not None:
-        tables["current"] = {"positive": changes.current_positive}
+    if changes.get("current_positive"):
+        tables["current"] = {"positive": changes["current_positive"]}
     assumed = {}
     measured = {POWER, "current_a"} & columns.keys()
     if vehicle is not None and measured and "voltage_v" not in columns:

@@ -32,7 +32,7 @@ from tripwatt.server.cars.live_car import VALID_NAME
 from tripwatt.server.http.car_schemas import CarResponse, CarSummary, LogsRequest, plain
 from tripwatt.server.http.problems import MAX_FAULTS, Problem, fault_document
 from tripwatt.sources.archives import unpack
-from tripwatt.sources.kinds import Changes, Kind, proposed_kinds
+from tripwatt.sources.kinds import Kind, proposed_kinds
 from tripwatt.sources.mapping import TIME_STAMPS, UNITS
 from tripwatt.sources.table import Heights, read_kinds
 from tripwatt.trips import TripSet
@@ -275,11 +275,7 @@ def _units_of(ours: str) -> list[str]:
 
 def _kinds_of_upload(tables: Path, request: LogsRequest, vehicle: Vehicle) -> list[Kind]:
     """Return the kinds of files of an upload, with the changes of a request."""
-    changes = {
-        int(number): Changes(kind.model_dump()["changes"], kind.current_positive)
-        for number, kind in request.kinds.items()
-        if number.isdigit()
-    }
+    changes = {int(n): kind.model_dump() for n, kind in request.kinds.items() if n.isdigit()}
     return proposed_kinds(tables, vehicle, changes, request.ignored)
 
 
