@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from prometheus_client import generate_latest
+
 import tripwatt
 from tripwatt.server.http.metrics import Metrics
 
 
 def values_of(metrics: Metrics) -> dict[str, float]:
-    lines = [line for line in metrics.render().decode().splitlines() if not line.startswith("#")]
+    lines = [
+        line for line in generate_latest(metrics.registry).decode().splitlines() if not line.startswith("#")
+    ]
     return {name: float(value) for name, _, value in (line.rpartition(" ") for line in lines)}
 
 

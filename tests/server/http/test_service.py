@@ -10,7 +10,9 @@ from starlette.requests import Request
 from tests.support.virtual_time import elapsed_s, run_jumping
 
 from tripwatt.server.http.problems import Problem
-from tripwatt.server.http.service import Bodies, media_type, require_media_type
+from tripwatt.server.http.service import CLOSE, Service, media_type, require_media_type
+from tripwatt.server.http.settings import Limits, Settings
+from tripwatt.server.http.sharing import Places
 
 JSON = "application/json"
 
@@ -36,19 +38,26 @@ def asked(body: Body | None = None, **headers: str) -> Request:
     return Request({"type": "http", "headers": given}, body)  # type: ignore[arg-type]
 
 
-async def read(bodies: Bodies, body: Body, limit: int = 10, timeout_s: float = 20.0) -> bytes:
-    return await bodies.read(asked(body, content_type=JSON), (JSON,), limit, timeout_s)
+def bodies_of(most: int) -> Service:
+    service = Service.__new__(Service)
+    service.bodies = Places(most, "too many bodies arrive", {**CLOSE, "Retry-After": "2"})
+    return service
+
+
+async def read(bodies: Service, body: Body, limit: int = 10, timeout_s: float = 20.0) -> bytes:
+    bodies.settings = Settings(limits=Limits(body_timeout_s=timeout_s))
+    return await bodies.read_body(asked(body, content_type=JSON), (JSON,), limit)
 
 
 def problem_of(body: Body) -> Problem:
     with pytest.raises(Problem) as caught:
-        run_jumping(read(Bodies(100), body))
+        run_jumping(read(bodies_of(100), body))
     return caught.value
 
 
 def test_a_body_has_a_largest_size() -> None:
-    assert run_jumping(read(Bodies(100), Body((0.0, b"12345"), (0.0, b"67890")))) == b"1234567890"
-    assert run_jumping(read(Bodies(100), Body((0.0, b"")))) == b""
+    assert run_jumping(read(bodies_of(100), Body((0.0, b"12345"), (0.0, b"67890")))) == b"1234567890"
+    assert run_jumping(read(bodies_of(100), Body((0.0, b"")))) == b""
     problem = problem_of(Body((0.0, b"12345"), (0.0, b"678901")))
     assert (problem.kind, problem.detail) == ("too-large", "at most 10 bytes")
     assert problem.headers == {"Connection": "close"}
@@ -61,7 +70,7 @@ def test_a_body_that_breaks_off_is_incomplete() -> None:
 
 def test_a_body_has_its_time() -> None:
     async def run() -> None:
-        bodies = Bodies(100)
+        bodies = bodies_of(100)
         assert await read(bodies, Body((1.0, b"1"), (1.4, b"2")), timeout_s=2.5) == b"12"
         assert elapsed_s() == 2.4
         with pytest.raises(Problem) as caught:
@@ -69,7 +78,7 @@ def test_a_body_has_its_time() -> None:
         assert elapsed_s() == 4.9
         assert (caught.value.kind, caught.value.detail) == ("body-late", "longer than 2.5 s")
         assert caught.value.headers == {"Connection": "close"}
-        assert bodies.places.taken.total() == 0
+        assert bodies.bodies.taken.total() == 0
 
     run_jumping(run())
 
@@ -78,18 +87,18 @@ def test_all_bodies_together_have_a_largest_size() -> None:
     """The body that exceeds it is refused; slow ones hold what they have sent, and are read to their ends."""
 
     async def run() -> None:
-        bodies = Bodies(24)
+        bodies = bodies_of(24)
         slow = asyncio.create_task(read(bodies, Body((0.0, b"12345"), (9.0, b"678"))))
         await asyncio.sleep(1.0)
-        assert bodies.places.taken.total() == 5
+        assert bodies.bodies.taken.total() == 5
         assert await read(bodies, Body((0.0, b"1234567"))) == b"1234567"
         with pytest.raises(Problem) as caught:
             await read(bodies, Body((0.0, b"1234"), (0.0, b"5678")))
         assert caught.value.kind == "busy"
         assert caught.value.headers == {"Connection": "close", "Retry-After": "2"}
-        assert bodies.places.taken.total() == 5
+        assert bodies.bodies.taken.total() == 5
         assert await slow == b"12345678"
-        assert bodies.places.taken.total() == 0
+        assert bodies.bodies.taken.total() == 0
 
     run_jumping(run())
 

@@ -85,9 +85,8 @@ class Ahead:
 
     async def _without_road(self, car: Car, kind: str, **fields: Any) -> dict[str, Any] | None:
         """Return the answer of a job about a car without a road; None if the job fails or refuses its input."""
-        job = await self.job_without_road(car, fields)
-        body = job.pop("body")
-        return await _or_none(self.cars.pool.run({"kind": kind, **job}, body))
+        job = {"kind": kind, **await self.job_without_road(car, fields)}
+        return await _or_none(self.cars.pool.run(job, job.pop("body")))
 
     async def document(self, car: Car) -> dict[str, Any]:
         """Return the document of a car with what is ahead of it, as `LiveCarDocument` with all of its fields."""

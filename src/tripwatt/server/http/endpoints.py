@@ -9,7 +9,7 @@ from typing import Annotated, Any, Final, get_type_hints
 import orjson
 from fastapi import APIRouter, Query, Response
 from fastapi import Path as PathValue
-from prometheus_client import CONTENT_TYPE_LATEST
+from prometheus_client import CONTENT_TYPE_LATEST, generate_latest
 from starlette.responses import StreamingResponse
 
 from tripwatt.forecasting.document import ForecastResponse
@@ -103,7 +103,7 @@ _add_job(forecasts, "/v1/advice", "advice", journey.AdviceResponse)
 async def batch(call: Called, fields: Fields = None) -> Response:
     """Forecast many trips: one request per line in, one forecast or problem per line out, in the same order."""
     service, limits = call.service, call.service.settings.limits
-    body = await service.bodies.read(call.request, BATCH_TYPES, limits.batch_bytes, limits.body_timeout_s)
+    body = await service.read_body(call.request, BATCH_TYPES, limits.batch_bytes)
     lines = parse_lines(body, limits.batch)
     if service.batches.locked():
         raise Problem("busy", "too many batches", headers={"Retry-After": "5"})
@@ -236,4 +236,4 @@ async def get_openapi(call: Called) -> Response:
 )
 async def get_metrics(call: Called) -> Response:
     """Return metrics for Prometheus."""
-    return Response(call.service.metrics.render(), media_type=CONTENT_TYPE_LATEST)
+    return Response(generate_latest(call.service.metrics.registry), media_type=CONTENT_TYPE_LATEST)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from functools import partial
 from typing import Final
 
-from prometheus_client import CollectorRegistry, Counter, Gauge, Histogram, generate_latest
+from prometheus_client import CollectorRegistry, Counter, Gauge, Histogram
 
 import tripwatt
 
@@ -37,7 +37,3 @@ class Metrics:
         self.workers = gauge("tripwatt_workers_ready", "Workers that are ready.")
         self.lost = gauge("tripwatt_workers_lost", "Workers lost since the start.")
         gauge("tripwatt_info", "The running version.", ("version",)).labels(tripwatt.__version__).set(1)
-
-    def render(self) -> bytes:
-        """Return all metrics in the text format of Prometheus."""
-        return generate_latest(self.registry)

@@ -46,8 +46,8 @@ class Service:
 
     Attributes
     ----------
-    bodies : Bodies
-        Bodies that are arriving.
+    bodies : Places
+        Bytes of the bodies that are arriving.
     batches : asyncio.Semaphore
         Bounds the batches that run at the same time.
     uploads : asyncio.Semaphore
@@ -72,7 +72,8 @@ class Service:
         self.metrics.waiting.set_function(self.pool.places.taken.total)
         self.metrics.workers.set_function(lambda: self.pool.ready)
         self.metrics.lost.set_function(lambda: self.pool.lost)
-        self.bodies = Bodies(settings.limits.arriving_bytes)
+        busy = "too many bodies arrive", {**CLOSE, "Retry-After": "2"}
+        self.bodies = Places(settings.limits.arriving_bytes, *busy)
         self.batches = asyncio.Semaphore(settings.limits.batches)
         self.uploads, self.unpacking = asyncio.Semaphore(MAX_UPLOADS), asyncio.Lock()
         self.documents: dict[bytes, bytes] = {}
@@ -113,6 +114,45 @@ class Service:
         car = next((cars[name] for name in named if name in cars), None)
         return {} if self._live is None or car is None else await self._live.last_message(car)
 
+    async def read_body(self, request: Request, media_types: Sequence[str], limit: int) -> bytes:
+        """Read the body of a request.
+
+        If slow bodies fill the share of a client, its further bodies are refused until the time-out of bodies.
+
+        Parameters
+        ----------
+        request : Request
+        media_types : sequence of str
+            Supported types.
+        limit : int
+            Largest size [bytes], counted as the bytes arrive.
+
+        Raises
+        ------
+        Problem
+            `media-type`, `too-large`, `body-late`, `busy` when other bodies have taken all bytes, or `bad-request` for an
+            incomplete body.
+        """
+        require_media_type(request, media_types)
+        parts: list[bytes] = []
+        size, timeout_s = 0, self.settings.limits.body_timeout_s
+        try:
+            async with asyncio.timeout(timeout_s):
+                async for part in request.stream():
+                    if size + len(part) > limit:
+                        raise Problem("too-large", f"at most {limit} bytes", headers=CLOSE)
+                    self.bodies.require(len(part))
+                    self.bodies.add(len(part))
+                    size += len(part)
+                    parts.append(part)
+        except TimeoutError:
+            raise Problem("body-late", f"longer than {timeout_s:g} s", headers=CLOSE) from None
+        except ClientDisconnect:
+            raise Problem("bad-request", "the body is incomplete") from None
+        finally:
+            self.bodies.add(-size)
+        return b"".join(parts)
+
     @asynccontextmanager
     async def running(self, _: FastAPI) -> AsyncIterator[None]:
         """Start the workers, follow the cars on the road and let them learn, until the service stops."""
@@ -132,65 +172,6 @@ CLOSE: Final = {"Connection": "close"}
 def request_id(request: Request) -> str:
     """Return the id that the middleware has set for a request."""
     return str(request.scope.get("state", {}).get("request_id", ""))
-
-
-class Bodies:
-    """Request bodies that are arriving, with one bound for the sum of their bytes.
-
-    If slow bodies fill the share of a client, its further bodies are refused until the time-out of bodies.
-
-    Parameters
-    ----------
-    most : int
-        Most bytes of all bodies together.
-
-    Attributes
-    ----------
-    places : Places
-        Bytes received so far of bodies that are not complete, by client.
-    """
-
-    def __init__(self, most: int) -> None:
-        self.places = Places(most, "too many bodies arrive", {**CLOSE, "Retry-After": "2"})
-
-    async def read(self, request: Request, media_types: Sequence[str], limit: int, timeout_s: float) -> bytes:
-        """Read the body of a request.
-
-        Parameters
-        ----------
-        request : Request
-        media_types : sequence of str
-            Supported types.
-        limit : int
-            Largest size [bytes], counted as the bytes arrive.
-        timeout_s : float
-            Longest time [s] until the body is complete.
-
-        Raises
-        ------
-        Problem
-            `media-type`, `too-large`, `body-late`, `busy` when other bodies have taken all bytes, or `bad-request` for an
-            incomplete body.
-        """
-        require_media_type(request, media_types)
-        parts: list[bytes] = []
-        size = 0
-        try:
-            async with asyncio.timeout(timeout_s):
-                async for part in request.stream():
-                    if size + len(part) > limit:
-                        raise Problem("too-large", f"at most {limit} bytes", headers=CLOSE)
-                    self.places.require(len(part))
-                    self.places.add(len(part))
-                    size += len(part)
-                    parts.append(part)
-        except TimeoutError:
-            raise Problem("body-late", f"longer than {timeout_s:g} s", headers=CLOSE) from None
-        except ClientDisconnect:
-            raise Problem("bad-request", "the body is incomplete") from None
-        finally:
-            self.places.add(-size)
-        return b"".join(parts)
 
 
 def require_media_type(request: Request, media_types: Sequence[str]) -> None:
@@ -228,7 +209,7 @@ class Call:
         limits = self.service.settings.limits
         self.service.pool.places.require()
         max_bytes = limits.body_bytes if max_bytes is None else max_bytes
-        return await self.service.bodies.read(self.request, media_types, max_bytes, limits.body_timeout_s)
+        return await self.service.read_body(self.request, media_types, max_bytes)
 
     async def job(self, kind: str, body: bytes = b"", media_type: str = JSON, **parameters: Any) -> Response:
         """Run a job, and return its document as the response."""
