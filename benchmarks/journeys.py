@@ -33,7 +33,7 @@ from tripwatt.roads.journey import (
 from tripwatt.roads.maps import MapFolder, build_map
 from tripwatt.roads.maps.engine import valhalla_folder
 from tripwatt.roads.routers.road import Road
-from tripwatt.roads.routers.servers import OsrmRouter
+from tripwatt.roads.routers.servers import osrm_leg
 from tripwatt.routes import route_from_links
 from tripwatt.routes.documents import Node
 
@@ -54,7 +54,7 @@ def cutting() -> Iterator[Row]:
     )
     plans = []
     for answer in _osrm_answers():
-        leg = OsrmRouter.read_leg(Node(answer, "benchmark"))
+        leg = osrm_leg(Node(answer, "benchmark"))
         stops = (Place(47.0, 9.0), Place(47.0, 9.3))
         plans.append(model.forecast(Road.from_legs([leg], stops).plan(), departure).energy_wh)
     yield Row(

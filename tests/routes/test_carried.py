@@ -7,7 +7,7 @@ import pytest
 
 import tripwatt as tw
 from tripwatt.roads.routers.road import Road
-from tripwatt.roads.routers.servers import GraphHopperRouter, OpenRouteServiceRouter, OsrmRouter
+from tripwatt.roads.routers.servers import SERVERS
 from tripwatt.routes import LinkRoute, parse_route
 from tripwatt.routes.carried import driven_positions, pauses_of
 from tripwatt.routes.documents import Node
@@ -89,13 +89,13 @@ def test_a_ferry_of_a_saved_answer_is_not_driven(router, answer):
 @pytest.mark.parametrize(
     ("router", "answer", "key"),
     [
-        (OsrmRouter, annotated(mode="ferry"), "routes"),
-        (OpenRouteServiceRouter, openrouteservice(9), "features"),
-        (GraphHopperRouter, graphhopper("ferry"), "paths"),
+        ("osrm", annotated(mode="ferry"), "routes"),
+        ("openrouteservice", openrouteservice(9), "features"),
+        ("graphhopper", graphhopper("ferry"), "paths"),
     ],
 )
 def test_a_ferry_of_a_server_is_not_driven_and_stays_on_the_map(router, answer, key):
-    leg = router.read_leg(Node(answer[key][0], "answer"))
+    leg = SERVERS[router][2](Node(answer[key][0], "answer"))
     road = Road.from_legs([leg], (Place(DEGREES[0], 5.0), Place(DEGREES[-1], 5.0)))
     assert (road.distance_m, road.duration_s) == pytest.approx(
         (2 * ROAD_M, 2 * ROAD_S + CROSSING_S), rel=1e-3

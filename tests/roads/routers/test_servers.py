@@ -19,21 +19,21 @@ from tests.support.roads import (
 
 from tripwatt.errors import InvalidInput, RemoteError
 from tripwatt.roads.routers.road import no_road
-from tripwatt.roads.routers.servers import GraphHopperRouter, OpenRouteServiceRouter, OsrmRouter
+from tripwatt.roads.routers.servers import SERVERS, ServerRouter
 from tripwatt.routes.documents import Node
 from tripwatt.routes.places import Place
 
 ROUTERS = {
-    "osrm": (OsrmRouter, lambda: osrm(annotated=True)),
-    "steps": (OsrmRouter, lambda: osrm(annotated=False)),
-    "graphhopper": (GraphHopperRouter, graphhopper),
-    "openrouteservice": (OpenRouteServiceRouter, openrouteservice),
+    "osrm": ("osrm", lambda: osrm(annotated=True)),
+    "steps": ("osrm", lambda: osrm(annotated=False)),
+    "graphhopper": ("graphhopper", graphhopper),
+    "openrouteservice": ("openrouteservice", openrouteservice),
 }
 
 
 def router_of(name, document=None):
     kind, make = ROUTERS[name]
-    return kind(client(make() if document is None else document))
+    return ServerRouter(client(make() if document is None else document), kind)
 
 
 def test_osrm_gives_a_link_for_each_speed_whatever_its_edges():
@@ -105,7 +105,7 @@ def test_a_mutated_answer_is_a_road_or_one_clear_error(name):
     else:
         kind, make = ROUTERS[name]
         for answer in mutated(make(), 350, seed=2):
-            outcomes.add(outcome(kind(client(answer))))
+            outcomes.add(outcome(ServerRouter(client(answer), kind)))
     assert outcomes == {"road", "error"}
 
 
@@ -122,37 +122,38 @@ def outcome(router):
 
 
 def osrm_leg(route):
-    return OsrmRouter.read_leg(Node(route, "x"))
+    return SERVERS["osrm"][2](Node(route, "x"))
 
 
 def graphhopper_path(path):
-    return GraphHopperRouter.read_leg(Node(path, "x"))
+    return SERVERS["graphhopper"][2](Node(path, "x"))
 
 
 def openrouteservice_feature(feature):
-    return OpenRouteServiceRouter.read_leg(Node(feature, "x"))
+    return SERVERS["openrouteservice"][2](Node(feature, "x"))
 
 
 def asked(kind, document, stops=(A, B), **more):
     """What a router asks its server."""
     seen = []
-    kind(client(lambda r: seen.append(r) or httpx.Response(200, json=document))).roads(stops, **more)
+    answering = client(lambda r: seen.append(r) or httpx.Response(200, json=document))
+    ServerRouter(answering, kind).roads(stops, **more)
     (request,) = seen
     return request
 
 
 @pytest.mark.parametrize(("wanted", "text"), [(0, "false"), (1, "1"), (2, "2"), (3, "3"), (4, "3"), (9, "3")])
 def test_osrm_is_asked_for_three_alternatives_at_most(wanted, text):
-    found = asked(OsrmRouter, osrm(annotated=True), alternatives=wanted)
+    found = asked("osrm", osrm(annotated=True), alternatives=wanted)
     assert found.url.params["alternatives"] == text
-    through = asked(OsrmRouter, osrm(annotated=True), (A, MIDDLE, B), alternatives=wanted)
+    through = asked("osrm", osrm(annotated=True), (A, MIDDLE, B), alternatives=wanted)
     assert through.url.params["alternatives"] == "false"
     line = "9.000000,47.000000;9.050000,47.000000;9.100000,47.000000"
     assert through.url.path == f"/base/route/v1/driving/{line}"
 
 
 def test_the_whole_question_to_osrm():
-    assert dict(asked(OsrmRouter, osrm(annotated=True)).url.params) == {
+    assert dict(asked("osrm", osrm(annotated=True)).url.params) == {
         "alternatives": "false",
         "geometries": "geojson",
         "overview": "full",
@@ -171,10 +172,10 @@ def test_graphhopper_is_asked_for_four_paths_at_most(wanted, paths):
         "instructions": False,
         "details": ["time", "distance", "average_speed", "max_speed", "road_class", "road_environment"],
     }
-    assert body_of(asked(GraphHopperRouter, graphhopper())) == question
+    assert body_of(asked("graphhopper", graphhopper())) == question
     more = {"algorithm": "alternative_route", "alternative_route.max_paths": paths}
-    assert body_of(asked(GraphHopperRouter, graphhopper(), alternatives=wanted)) == question | more
-    through = asked(GraphHopperRouter, graphhopper(), (A, MIDDLE, B), alternatives=wanted)
+    assert body_of(asked("graphhopper", graphhopper(), alternatives=wanted)) == question | more
+    through = asked("graphhopper", graphhopper(), (A, MIDDLE, B), alternatives=wanted)
     assert body_of(through) == question | {"points": [[9.0, 47.0], [9.05, 47.0], [9.1, 47.0]]}
 
 
@@ -187,34 +188,34 @@ def test_openrouteservice_is_asked_for_three_routes_at_most(wanted, count):
         "instructions": True,
         "extra_info": ["waytype"],
     }
-    assert body_of(asked(OpenRouteServiceRouter, openrouteservice())) == question
+    assert body_of(asked("openrouteservice", openrouteservice())) == question
     more = {"alternative_routes": {"target_count": count}}
-    assert body_of(asked(OpenRouteServiceRouter, openrouteservice(), alternatives=wanted)) == question | more
-    through = asked(OpenRouteServiceRouter, openrouteservice(), (A, MIDDLE, B), alternatives=wanted)
+    assert body_of(asked("openrouteservice", openrouteservice(), alternatives=wanted)) == question | more
+    through = asked("openrouteservice", openrouteservice(), (A, MIDDLE, B), alternatives=wanted)
     assert body_of(through) == question | {"coordinates": [[9.0, 47.0], [9.05, 47.0], [9.1, 47.0]]}
 
 
 @pytest.mark.parametrize(
     ("kind", "document", "key"),
     [
-        (OsrmRouter, osrm(annotated=True), "routes"),
-        (GraphHopperRouter, graphhopper(), "paths"),
-        (OpenRouteServiceRouter, openrouteservice(), "features"),
+        ("osrm", osrm(annotated=True), "routes"),
+        ("graphhopper", graphhopper(), "paths"),
+        ("openrouteservice", openrouteservice(), "features"),
     ],
 )
 def test_four_roads_of_an_answer_are_read(kind, document, key):
     for number, kept in ((1, 1), (4, 4), (5, 4)):
         many = {**document, key: document[key] * number}
-        assert len(kind(client(many)).roads([A, B])) == kept
+        assert len(ServerRouter(client(many), kind).roads([A, B])) == kept
     with pytest.raises(RemoteError, match="too few entries"):
-        kind(client({**document, key: []})).roads([A, B])
+        ServerRouter(client({**document, key: []}), kind).roads([A, B])
 
 
 def test_words_of_a_server_are_cut():
     assert no_road([A, B], "x" * 121).faults[0].got == "x" * 120
     assert no_road([A, MIDDLE, B], "x").faults[0].where == " to ".join(p.title for p in (A, MIDDLE, B))
     with pytest.raises(RemoteError, match="the router failed") as caught:
-        OsrmRouter(client({"code": "y" * 100})).roads([A, B])
+        ServerRouter(client({"code": "y" * 100}), "osrm").roads([A, B])
     assert caught.value.faults[0].got == "'" + "y" * 59
 
 
@@ -368,10 +369,10 @@ def test_a_line_that_is_one_point_is_no_road():
     nowhere = graphhopper()
     nowhere["paths"][0]["points"]["coordinates"] = [[9.0, 47.0, 500.0]] * 3
     with pytest.raises(RemoteError, match="impossible edge of the road"):
-        GraphHopperRouter(client(nowhere)).roads([A, Place(47.0, 9.001)])
+        ServerRouter(client(nowhere), "graphhopper").roads([A, Place(47.0, 9.001)])
     still = openrouteservice()
     still["features"][0]["geometry"]["coordinates"] = [[9.0, 47.0, 500.0]] * 3
-    (road,) = OpenRouteServiceRouter(client(still)).roads([A, Place(47.0, 9.001)])
+    (road,) = ServerRouter(client(still), "openrouteservice").roads([A, Place(47.0, 9.001)])
     assert road.links.elevation_position_m.tolist() == [0.0, 0.0, 0.0]
     assert road.position_m.tolist() == [0.0, 0.0, 0.0]
 

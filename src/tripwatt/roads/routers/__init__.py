@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from functools import partial
 from pathlib import Path
 from typing import Final
 
 from tripwatt.errors import InvalidInput
 from tripwatt.roads.routers.road import Edges, Road, Router, join_edges
-from tripwatt.roads.routers.servers import GraphHopperRouter, OpenRouteServiceRouter, OsrmRouter
+from tripwatt.roads.routers.servers import SERVERS, ServerRouter
 from tripwatt.roads.routers.valhalla import ValhallaRouter
 from tripwatt.routes.web import require_url
 
@@ -26,9 +27,7 @@ __all__ = [
 
 ROUTER_KINDS: Final[Mapping[str, Callable[[str], Router]]] = {
     "valhalla": ValhallaRouter.from_url,
-    "osrm": OsrmRouter.from_url,
-    "graphhopper": GraphHopperRouter.from_url,
-    "openrouteservice": OpenRouteServiceRouter.from_url,
+    **{kind: partial(ServerRouter.from_url, kind) for kind in SERVERS},
 }
 """Function that opens a router by the URL of its server, for each kind of server."""
 
