@@ -171,9 +171,8 @@ def blank_soc_faults(samples: pd.DataFrame, trip_id: str) -> Iterator[Change]:
         bad = stray_soc(time, soc)
         if bad.any():
             what = f"{signal_name(name)} of {np.nanmin(soc[bad]):g} in {int(bad.sum())} samples is a jump: these values are removed"
-            first, last = np.flatnonzero(bad)[[0, -1]].tolist()
             soc = np.where(bad, np.nan, soc)
-            yield name, soc, between(samples, trip_id, first, last, what, "noted")
+            yield name, soc, between(samples, trip_id, *np.flatnonzero(bad)[[0, -1]], what, "noted")
         if name == "soc" and np.isfinite(soc).any():
             for finding in missing_soc(time, soc, trip_id):
                 yield name, None, finding

@@ -75,7 +75,7 @@ def blank_impossible(samples: pd.DataFrame, trip_id: str) -> Iterator[Change]:
         if name == "speed_m_s" and back.any():
             what = f"{int(back.sum())} samples of negative speed are treated as reversing"
             values = np.where(back, -values, values)
-            yield name, values, _span(samples, trip_id, back, what, "noted")
+            yield name, values, between(samples, trip_id, *np.flatnonzero(back)[[0, -1]], what, "noted")
         # 12_000.0: largest possible heating power: cabin heaters of passenger cars have 3 to 7 kW, twin
         # heaters about 10 kW
         highest = min(column.maximum, 12_000.0 if "heating" in name else np.inf)
@@ -92,7 +92,7 @@ def blank_impossible(samples: pd.DataFrame, trip_id: str) -> Iterator[Change]:
         what += f": {guess}" if guess else ""
         consequence: Consequence = "set aside" if many and name in MEASURED else "noted"
         blanked = np.full(len(values), np.nan) if guess else np.where(bad, np.nan, values)
-        yield name, blanked, _span(samples, trip_id, bad, what, consequence)
+        yield name, blanked, between(samples, trip_id, *np.flatnonzero(bad)[[0, -1]], what, consequence)
 
 
 def speed_spikes(time: FloatArray, speed: FloatArray) -> BoolArray:
@@ -142,13 +142,6 @@ def drop_blank_speed(samples: pd.DataFrame) -> pd.DataFrame:
     """Drop samples without a speed, which cannot be part of a trip; the findings were made when the speed was blanked."""
     known = np.isfinite(array(samples, "speed_m_s"))
     return samples if known.all() else samples[known].reset_index(drop=True)
-
-
-def _span(
-    samples: pd.DataFrame, trip_id: str, where: BoolArray, what: str, consequence: Consequence
-) -> Finding:
-    first, last = np.flatnonzero(where)[[0, -1]].tolist()
-    return between(samples, trip_id, first, last, what, consequence)
 
 
 @blanking
