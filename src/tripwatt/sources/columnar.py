@@ -79,11 +79,6 @@ class CsvTable:
             return self.parts[0].names
         return [*dict.fromkeys(name for part in self.parts for name in part.names)]
 
-    @property
-    def units(self) -> Mapping[str, str]:
-        """Column -> unit, from a line of units below the header; empty without one."""
-        return dict(zip(self.parts[0].names, self.parts[0].units, strict=False))
-
     def numbers(self, names: Sequence[str]) -> list[FloatArray]:
         """Read columns as float64; every cell that is not a number is a fault."""
         by_part = []

@@ -129,10 +129,9 @@ def read_folder(
     used = {name: rows for name, rows in results.items() if rows is not None}
     if strict or not used:
         raise_faults([*faults, *itertools.chain(*by_file.values())])
+    rows = {name: len(used.get(name, ())) for name in files}
     readings = [
-        FileReading(path.name, len(used[name]), len(used[name]), 1, tuple(by_file[name]))
-        if name in used
-        else FileReading(path.name, faults=tuple(by_file[name]))
+        FileReading(path.name, rows[name], rows[name], int(name in used), tuple(by_file[name]))
         for name, path in files.items()
     ]
     return used, readings

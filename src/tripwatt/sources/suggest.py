@@ -19,7 +19,7 @@ import pandas as pd
 from tripwatt.arrays import BoolArray, FloatArray, number_in
 from tripwatt.errors import Fault, InvalidInput, and_more, excerpt, or_none
 from tripwatt.sources.clocks import clock_only, decide_format
-from tripwatt.sources.columnar import TableFile, open_table, stamp_texts, table_files
+from tripwatt.sources.columnar import CsvTable, TableFile, open_table, stamp_texts, table_files
 from tripwatt.sources.delimited import column_key
 from tripwatt.sources.evidence import (
     FURTHEST_KG,
@@ -257,7 +257,9 @@ def _stamped(table: TableFile, name: str) -> Guess | None:
 
 def _label(table: TableFile, name: str) -> str:
     """A column's name, with the unit of the line below the header."""
-    return f"{name} [{table.units[name]}]" if table.units.get(name) else name
+    head = table.parts[0] if isinstance(table, CsvTable) else None
+    units = {} if head is None else dict(zip(head.names, head.units, strict=False))
+    return f"{name} [{units[name]}]" if units.get(name) else name
 
 
 def _with_unit(ours: str, name: str, table: TableFile, values: FloatArray | None) -> Guess | None:
