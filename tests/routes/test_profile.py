@@ -332,7 +332,7 @@ def test_a_link_has_as_many_stops_as_fit_into_the_time_that_is_left():
 def course(length, time, stop=NO, moving=NO, limit=NO, style=SOFT, rng=None):
     length, time = np.array(length, dtype=float), np.array(time, dtype=float)
     given = (np.broadcast_to(np.asarray(x, dtype=float), length.shape).copy() for x in (stop, moving, limit))
-    return Course(length, time, *given, style, rng)
+    return Course((length, time, *given), style, rng)
 
 
 def test_the_grid_has_cells_of_four_metres_and_twelve_to_a_dip():

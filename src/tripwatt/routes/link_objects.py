@@ -123,19 +123,13 @@ class _Faults:
     faults: list[Fault] = field(default_factory=list)
 
     def add(
-        self,
-        what: str,
-        wrong: BoolArray | list[int],
-        key: str,
-        got: Callable[[int], str],
-        allowed: str,
-        fix: str = "",
+        self, what: str, wrong: BoolArray, key: str, got: Callable[[int], str], allowed: str, fix: str = ""
     ) -> None:
         """Add the faults of one kind.
 
-        `wrong` is a mask or the indices of the wrong links. `got` takes such an index. `key` is empty if the link as a whole is wrong.
+        `got` takes the index of a wrong link. `key` is empty if the link as a whole is wrong.
         """
-        bad = wrong if isinstance(wrong, list) else np.flatnonzero(wrong).tolist()
+        bad = np.flatnonzero(wrong).tolist()
         # up to three faults are listed one by one; of more, only the first is listed and the others are counted
         listed, count = (bad, "") if len(bad) <= 3 else (bad[:1], and_more(bad, "links"))
         for k in listed:
@@ -227,7 +221,8 @@ def _unknown_keys(rows: Sequence[Mapping[str, Any]], wrong: _Faults) -> None:
     for number, (name, its) in enumerate(itertools.islice(unknown.items(), MAX_FAULTS)):
         where = [k for _, k in its]
         hint, got = _key_hint(name) if number < MAX_HINTS else "", dict.fromkeys(where, excerpt(name))
-        wrong.add("unknown key", where, "", got.__getitem__, allowed, hint)
+        has_key = np.isin(np.arange(len(rows)), where)
+        wrong.add("unknown key", has_key, "", got.__getitem__, allowed, hint)
     if len(unknown) > MAX_FAULTS:
         wrong.faults.append(Fault("unknown key", "links", f"{len(unknown) - MAX_FAULTS} more", allowed))
 

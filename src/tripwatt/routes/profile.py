@@ -9,6 +9,7 @@ the delay; the delays that reproduce the travel times are found for all links at
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from typing import Final
 
@@ -207,11 +208,11 @@ def link_profile(
     """
     style = style or LinkStyle()
     length = np.asarray(length_m, dtype=np.float64)
-    time, stop, moving, limit = (
+    others = (
         np.full(length.shape, np.nan) if values is None else np.asarray(values, dtype=np.float64)
         for values in (travel_time_s, stop_s, moving_speed_m_s, speed_limit_m_s)
     )
-    course = Course(length, time, stop, moving, limit, style, rng)
+    course = Course((length, *others), style, rng)
     speed, driving_s = course.solve()
     waiting_s = course.waiting(speed, driving_s, rng)
     return profile_over_time(course.position, speed, driving_s, waiting_s, course.ends, step_s)
@@ -227,15 +228,9 @@ class Course:
     """
 
     def __init__(
-        self,
-        length: FloatArray,
-        time: FloatArray,
-        stop: FloatArray,
-        moving: FloatArray,
-        limit: FloatArray,
-        style: LinkStyle,
-        rng: np.random.Generator | None,
+        self, columns: Iterable[FloatArray], style: LinkStyle, rng: np.random.Generator | None
     ) -> None:
+        length, time, stop, moving, limit = columns
         n = len(length)
         self.length, self.stop, self.style = length, np.nan_to_num(stop, nan=0.0), style
         self.time = time - self.stop
@@ -269,6 +264,9 @@ class Course:
         at_rest = np.zeros(n, dtype=bool)
         at_rest[[0, -1]] = np.isnan(stop[[0, -1]])
         self.max_delay = np.where(at_rest & (dips == 0), 0.0, max_delay)
+        # a link with a place to stop, and one that begins or ends at rest, has a place at which the car can wait
+        self.can_wait = (self.max_delay == 1.0) | (self.max_delay == 0.0)
+        self.fastest = np.minimum(np.maximum(self.free, _HURRY * mean + 2.0), self.limit)
         self.ramp = ramp_speeds(self.position, self.ends, np.minimum(self.free, _HURRY * mean + 2.0), style)
         for side in (self.ramp[1:], self.ramp[:-1]):
             np.minimum(side, self.limit[self.link], out=side)
@@ -328,18 +326,6 @@ class Course:
             new_delay = np.clip(delay + correction, min_delay, self.max_delay)
             change, previous_late_s, delay = new_delay - delay, late_s, new_delay
         return speed, driving_s
-
-    @property
-    def can_wait(self) -> BoolArray:
-        """Whether each link has a place at which the car can wait."""
-        can = np.equal(self.max_delay, 1.0)
-        can[[0, -1]] |= self.max_delay[[0, -1]] == 0.0
-        return can
-
-    @property
-    def fastest(self) -> FloatArray:
-        """Highest speed that is tried on each link [m/s]."""
-        return np.minimum(np.maximum(self.free, _HURRY * self.length / self.time + 2.0), self.limit)
 
     def waiting(
         self, speed: FloatArray, driving_s: FloatArray, rng: np.random.Generator | None
