@@ -20,7 +20,7 @@ import tripwatt as tw
 from benchmarks.measure import Row, report, seconds
 from tripwatt.forecasting import Forecast, ForecastModel
 from tripwatt.roads.journey import Atlas, ChargingCurve, Place, RoadForecaster
-from tripwatt.roads.journey.corridor import Corridor, StopRules
+from tripwatt.roads.journey.corridor import Corridor, JourneyOptions
 from tripwatt.roads.journey.plans import find_plans
 from tripwatt.roads.journey.solver import LEVELS, least_time
 from tripwatt.roads.journey.stops import ChargingPlan
@@ -115,7 +115,7 @@ def planned(
     road = atlas.router.roads((Place(47.0, 9.0), end))[0]
     forecast = forecaster.forecast(road)
     curve = ChargingCurve.from_class(forecast.charge.wh_per_display)
-    return Corridor(forecaster, road, forecast, atlas, StopRules(curve, 0.1, 300.0))
+    return Corridor(forecaster, road, forecast, atlas, JourneyOptions(0.1, charging_curve=curve))
 
 
 def held(plan: ChargingPlan, draws: int, seed: int) -> tuple[list[float], float]:

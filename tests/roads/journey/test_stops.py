@@ -432,7 +432,7 @@ def searched(monkeypatch):
             return whole_of(tried[-1]) and chances
 
         made = SimpleNamespace(optimum=optimum)
-        made.legs_of, made.rules = (lambda found: found), SimpleNamespace(reserve=0.1)
+        made.legs_of, made.options = (lambda found: found), SimpleNamespace(reserve=0.1)
         return *plans._best_certain_plan(made, "fastest", guess), tried
 
     monkeypatch.setattr(plans, "_with_stops", lambda corridor, plan, found, chances: plan)

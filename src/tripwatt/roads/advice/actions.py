@@ -180,9 +180,14 @@ def _with_speeds(plan: Plan, speed_m_s: FloatArray) -> Plan:
 def actions(forecast: Forecast) -> Iterator[Action]:
     """Yield all actions that are possible for a trip, whether they help or not; in each group, the mildest comes first."""
     plan, vehicle = forecast.plan, forecast.vehicle
-    yield from _driving_actions(plan)
+    for limit in limits_below(float(plan.array("speed_m_s").max())):
+        yield Action("slower", "speed", "little", {}, limit, speed_m_s=limit)
+    yield Action("calmer", "driving", "little", {}, acceleration_m_s2=GENTLE_M_S2)
     yield from _climate_actions(vehicle, plan)
-    yield from _plug_actions(vehicle, plan)
+    for worth in (WORTH, SCARCE):  # preheating that pays on any day, then what pays if charge is scarce
+        if heat := preheating(vehicle, plan, worth=worth):
+            action = Action("preheat_cabin", "cabin", "little", heat.changed, heat.cabin_degc)
+            yield replace(action, wall_wh=heat.wall_wh, before_s=heat.before_s)
     yield from _load_actions(plan.departure)
 
 
@@ -190,12 +195,6 @@ def limits_below(fastest_m_s: float) -> list[float]:
     """Return the advised speeds more than 1 m/s below the fastest of a trip [m/s], highest first; none if that is at most `FAST_KM_H`."""
     limits = [speed * M_S_PER_KM_H for speed in SPEEDS_KM_H]
     return [limit for limit in limits if fastest_m_s > max(limit + 1.0, FAST_KM_H * M_S_PER_KM_H)]
-
-
-def _driving_actions(plan: Plan) -> Iterator[Action]:
-    for limit in limits_below(float(plan.array("speed_m_s").max())):
-        yield Action("slower", "speed", "little", {}, limit, speed_m_s=limit)
-    yield Action("calmer", "driving", "little", {}, acceleration_m_s2=GENTLE_M_S2)
 
 
 def _climate_actions(vehicle: Vehicle, plan: Plan) -> Iterator[Action]:
@@ -215,14 +214,6 @@ def _climate_actions(vehicle: Vehicle, plan: Plan) -> Iterator[Action]:
         yield Action("seats", "climate", "some", seats, fitted="heated_seats")
     if MILD_DEGC[0] <= outside <= MILD_DEGC[1]:
         yield Action("climate_off", "climate", "much", {"climate": "off"})
-
-
-def _plug_actions(vehicle: Vehicle, plan: Plan) -> Iterator[Action]:
-    """Yield the preheating of the cabin on the plug: what pays on any day, then what pays if charge is scarce."""
-    for worth in (WORTH, SCARCE):
-        if heat := preheating(vehicle, plan, worth=worth):
-            action = Action("preheat_cabin", "cabin", "little", heat.changed, heat.cabin_degc)
-            yield replace(action, wall_wh=heat.wall_wh, before_s=heat.before_s)
 
 
 def _load_actions(departure: Departure) -> Iterator[Action]:
@@ -255,7 +246,7 @@ def replan_with(corridor: Corridor, action: Action, forecast: Forecast) -> Charg
         departs_at = before.departs_at + dt.timedelta(seconds=action.value or 0.0)
         departure = replace(departure, departs_at=departs_at)
     forecaster = replace(before, departure=departure, change=change)
-    return fastest_plan(corridor.with_forecast(forecaster, forecast))
+    return fastest_plan(replace(corridor, forecaster=forecaster, forecast=forecast))
 
 
 def leaving_later(forecaster: RoadForecaster, road: Road, now: dt.datetime) -> list[tuple[Action, Forecast]]:

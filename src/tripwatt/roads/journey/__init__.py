@@ -2,11 +2,11 @@
 
 from tripwatt.roads.journey.atlas import Atlas, AtlasSettings, open_atlas
 from tripwatt.roads.journey.charging import ChargingCurve
+from tripwatt.roads.journey.corridor import JourneyOptions
 from tripwatt.roads.journey.distances import Need, Range, need, range_km
 from tripwatt.roads.journey.forecasting import RoadForecaster
 from tripwatt.roads.journey.planning import (
     Journey,
-    JourneyOptions,
     RoadForecast,
     find_stops,
     journey_with,

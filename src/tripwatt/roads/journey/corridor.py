@@ -20,13 +20,14 @@ from tripwatt.arrays import FloatArray
 from tripwatt.errors import Fault, InvalidInput, RemoteError, raise_faults
 from tripwatt.forecasting import Forecast
 from tripwatt.roads.journey.atlas import Atlas
-from tripwatt.roads.journey.charging import WARM_DEGC, ChargingCurve
+from tripwatt.roads.journey.charging import OVERHEAD_S, WARM_DEGC, ChargingCurve, plugs_of
 from tripwatt.roads.journey.forecasting import RoadForecaster
 from tripwatt.roads.journey.solver import LEVELS, StopPlan, StopProblem, least_time
 from tripwatt.roads.journey.stops import SAME_TIME_S, START_M, Leg, variance_along
 from tripwatt.roads.maps import Station, near
 from tripwatt.roads.routers import Road
 from tripwatt.routes.places import Place
+from tripwatt.trips.columns import Column, number_faults, scalar_faults
 from tripwatt.units import SECONDS_PER_HOUR
 
 CERTAIN: Final = 0.95
@@ -67,41 +68,70 @@ _CHARGED_SOC: Final = np.array([0.1, 0.8])
 choice: a usual stop."""
 
 
+_MAX_ALTERNATIVES: Final = 3
+_MAX_OVERHEAD_S: Final = 7200.0
+_MAX_PAUSE_S: Final = 604_800.0
+"""Bounds of the options: choices, since the work grows with the roads."""
+
+
 @dataclass(frozen=True, slots=True)
-class StopRules:
-    """How a car charges on the way, and what it has to keep.
+class JourneyOptions:
+    """Options of planning a journey.
 
     Attributes
     ----------
-    curve : ChargingCurve
     reserve : float
-        Displayed charge to have at every stop and at the end.
-    overhead_s : float
-        Time of each stop besides charging [s].
-    preheat : bool
-        Whether the battery may be heated for a stop.
-    plugs : frozenset of str
-        Plugs of the car; empty if they are not known.
+        Displayed state of charge to arrive with.
+    alternatives : int
+        Number of other roads besides the fastest.
+    round_trip : bool
+        Whether the journey leads back to the start.
+    pause_s : float
+        Time of a round trip at its last place before the way back [s]; the car cools down meanwhile.
+    answers : bool
+        Whether costs, speed and charging are computed besides the forecasts.
+    charging_curve : ChargingCurve or None
+        Charging curve; if None, that of the car or of its class.
+    charge : bool
+        Whether stops to charge are planned if the charge does not suffice.
+    stop_overhead_s : float
+        Time for parking, plugging in and paying at each stop [s].
+    preheat_battery : bool
+        Whether the battery may be heated on the way to a stop.
     avoid : tuple of Place
-        Stations that are not used.
+        Stations at which the car does not charge, within 30 m.
     networks : tuple of str
-        Networks whose stations are preferred: beginnings of `Station.networks`, or of the name of a station without any. Empty if there is no
-        preference.
+        Networks that are preferred, by the beginnings of `Station.networks`, or of the name of a station without any. A stop at one of them
+        may take a quarter of an hour more.
+
+    Examples
+    --------
+    >>> JourneyOptions(reserve=0.15, alternatives=2).round_trip
+    False
     """
 
-    curve: ChargingCurve
-    reserve: float
-    overhead_s: float
-    preheat: bool = False
-    plugs: frozenset[str] = frozenset()
+    reserve: float = 0.1
+    alternatives: int = 0
+    round_trip: bool = False
+    pause_s: float = 0.0
+    answers: bool = True
+    charging_curve: ChargingCurve | None = None
+    charge: bool = True
+    stop_overhead_s: float = OVERHEAD_S
+    preheat_battery: bool = False
     avoid: tuple[Place, ...] = ()
     networks: tuple[str, ...] = ()
 
-    def other_network_s(self, station: Station) -> float:
-        """Return the additional time that is taken for a station of a preferred network instead [s]; 0 if there is no preference."""
-        known = [network.casefold() for network in station.networks or (station.name,)]
-        is_preferred = any(k.startswith(n.casefold()) for k in known for n in self.networks)
-        return _OTHER_NETWORK_S * (bool(self.networks) and not is_preferred)
+    def __post_init__(self) -> None:
+        faults = list(scalar_faults({"reserve": self.reserve}))
+        roads = Column("", 0, _MAX_ALTERNATIVES, "")
+        faults += number_faults("alternatives", self.alternatives, roads, whole=True)
+        faults += number_faults("pause_s", self.pause_s, Column("s", 0, _MAX_PAUSE_S, ""))
+        faults += number_faults("stop_overhead_s", self.stop_overhead_s, Column("s", 0, _MAX_OVERHEAD_S, ""))
+        fix = "add --round-trip (round_trip), or leave out the pause"
+        if self.pause_s and not self.round_trip:
+            faults.append(Fault("pause without a way back", "pause_s", f"{self.pause_s:g} s", fix=fix))
+        raise_faults(faults)
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,7 +148,7 @@ class Corridor:
         Forecast of this road.
     atlas : Atlas
         Atlas with a router and stations.
-    rules : StopRules
+    options : JourneyOptions
         Reserve and rules of charging.
     via : tuple of Place
         Places on the way, which lie at `road.stop_position_m`. The car has to charge at those of the kind `STATION_KIND`.
@@ -128,28 +158,41 @@ class Corridor:
     road: Road
     forecast: Forecast
     atlas: Atlas
-    rules: StopRules
+    options: JourneyOptions
     via: tuple[Place, ...] = ()
-    routed: dict[tuple[int, int], Leg | None] = field(default_factory=dict)
-    _widths: dict[float, FloatArray] = field(default_factory=dict)
-    _leg_needs: dict[tuple[Leg, float, float], tuple[float, float]] = field(default_factory=dict)
+    routed: dict[tuple[int, int], Leg | None] = field(default_factory=dict, init=False)
+    _widths: dict[float, FloatArray] = field(default_factory=dict, init=False)
+    _leg_needs: dict[tuple[Leg, float, float], tuple[float, float]] = field(default_factory=dict, init=False)
 
-    def with_forecast(self, forecaster: RoadForecaster, forecast: Forecast) -> Corridor:
-        """Return a corridor with the same road and rules for another forecast."""
-        return Corridor(forecaster, self.road, forecast, self.atlas, self.rules, self.via)
+    @cached_property
+    def curve(self) -> ChargingCurve:
+        """The charging curve of the options, else that of the car."""
+        wh = self.forecast.charge.wh_per_display
+        return self.options.charging_curve or ChargingCurve.from_vehicle(self.forecast.vehicle, wh)
+
+    @cached_property
+    def plugs(self) -> frozenset[str]:
+        """Plugs of the car where it starts; empty if they are not known."""
+        return plugs_of(self.forecast.vehicle.name, self.road.place_at(0.0))
+
+    def other_network_s(self, station: Station) -> float:
+        """Return the additional time that is taken for a station of a preferred network instead [s]; 0 if there is no preference."""
+        known, networks = station.networks or (station.name,), self.options.networks
+        is_preferred = any(k.casefold().startswith(n.casefold()) for k in known for n in networks)
+        return _OTHER_NETWORK_S * (bool(networks) and not is_preferred)
 
     @cached_property
     def _stations_along(self) -> list[tuple[float, Station]]:
         """Stations with their position on the road, on the way out and on the way back; if too many, the two strongest of each stretch."""
         stations, pairs = self.atlas.stations, list[tuple[float, Station]]()
-        is_low = bool(self.forecast.along.expected_soc[0] < self.rules.reserve)
+        is_low = bool(self.forecast.along.expected_soc[0] < self.options.reserve)
         for start, end in pairwise((0.0, *self.road.stop_position_m, self.road.distance_m)):
             position = np.append(np.arange(start, end, _POINT_EVERY_M), end)
             points = [self.road.place_at(float(at)) for at in position]
             for index, point in near(stations, points, _DETOUR_M):
-                usable = stations[index].usable_with(self.rules.plugs, self.rules.curve.most_w)
+                usable = stations[index].usable_with(self.plugs, self.curve.most_w)
                 at = float(position[point])
-                if usable is None or any(_is_at(station, usable) for station in self.rules.avoid):
+                if usable is None or any(_is_at(station, usable) for station in self.options.avoid):
                     continue
                 # who is low charges at the next station
                 if at >= START_M or is_low or self._is_chosen(at, usable):
@@ -194,7 +237,7 @@ class Corridor:
 
     def _with_choice(self, problem: StopProblem) -> StopProblem:
         """Return the problem without legs past a chosen station, and with the cost of stations of other networks in the time."""
-        time = problem.time_s + np.array([0.0, *map(self.rules.other_network_s, self.stations), 0.0])
+        time = problem.time_s + np.array([0.0, *map(self.other_network_s, self.stations), 0.0])
         for first, last in self._chosen_nodes:
             time[:first, last + 1 :] = np.inf
         return replace(problem, time_s=time)
@@ -232,13 +275,13 @@ class Corridor:
         soc = self.forecast.vehicle.battery.heat_capacity_j_k * lacking_k / SECONDS_PER_HOUR / wh
         for node, station in enumerate(self.stations, 1):
             cold, warm = (
-                float(self.rules.curve.seconds(_CHARGED_SOC, station, wh, degc)[-1])
+                float(self.curve.seconds(_CHARGED_SOC, station, wh, degc)[-1])
                 for degc in (self.cell_degc[node], WARM_DEGC)
             )
             recharging_s = warm * float(soc[node]) / float(np.ptp(_CHARGED_SOC))
             soc[node] *= station.direct_current and cold - warm > recharging_s
         soc[[0, -1]] = 0.0
-        return soc if self.rules.preheat else np.zeros_like(soc)
+        return soc if self.options.preheat_battery else np.zeros_like(soc)
 
     @cached_property
     def charging_s(self) -> FloatArray:
@@ -246,7 +289,7 @@ class Corridor:
         wh, table = self.forecast.charge.wh_per_display, np.zeros((len(self._position_m), len(LEVELS)))
         for node, station in enumerate(self.stations, 1):
             degc = WARM_DEGC if self.preheat_soc[node] > 0.0 else float(self.cell_degc[node])
-            table[node] = self.rules.curve.seconds(LEVELS, station, wh, degc)
+            table[node] = self.curve.seconds(LEVELS, station, wh, degc)
         return table
 
     def _at_nodes(self, values: FloatArray) -> FloatArray:
@@ -274,28 +317,28 @@ class Corridor:
         """Return the problem of stops in which the first leg has the reserve with `first_chance`, and every other leg with `chance`."""
         extra_soc, extra_s = self._standing_start_cost
         taken, time = self._estimates[0] + extra_soc, self._estimates[1] + extra_s
-        need = taken + self.rules.reserve + self.width(chance)
-        need[0] = taken[0] + self.rules.reserve + self.width(first_chance)[0]
+        need = taken + self.options.reserve + self.width(chance)
+        need[0] = taken[0] + self.options.reserve + self.width(first_chance)[0]
         soc = float(self.forecast.along.expected_soc[0])
-        exempt = self.rules.reserve * (
-            soc < self.rules.reserve
+        exempt = self.options.reserve * (
+            soc < self.options.reserve
         )  # then the reserve counts after the first stop
         need[0, :-1] -= exempt
         for (i, j), leg in self.routed.items():
             if leg is None:
                 time[i, j] = np.inf
                 continue
-            reserve = self.rules.reserve - exempt * (i == 0 and j < len(taken) - 1)
+            reserve = self.options.reserve - exempt * (i == 0 and j < len(taken) - 1)
             taken[i, j], need[i, j] = self._leg_need(leg, chance if i else first_chance, reserve)
             time[i, j] = leg.forecast.plan.elapsed_s
-        return StopProblem(soc, taken, need, time, self.charging_s, self.rules.overhead_s)
+        return StopProblem(soc, taken, need, time, self.charging_s, self.options.stop_overhead_s)
 
     @property
     def _standing_start_cost(self) -> tuple[float, float]:
         """Mean additional charge and time [s] of routed legs, which start and end at rest, over their estimates; 0 if none is routed."""
         soc, time = self._estimates
         legs = [(pair, leg) for pair, leg in self.routed.items() if leg is not None]
-        extra_soc = [self._leg_need(leg, 0.5, self.rules.reserve)[0] - soc[pair] for pair, leg in legs]
+        extra_soc = [self._leg_need(leg, 0.5, self.options.reserve)[0] - soc[pair] for pair, leg in legs]
         extra_s = [leg.forecast.plan.elapsed_s - time[pair] for pair, leg in legs]
         return (float(np.mean(extra_soc)), float(np.mean(extra_s))) if legs else (0.0, 0.0)
 

@@ -10,14 +10,14 @@ from typing import Any, Final
 import numpy as np
 import pandas as pd
 
-from tripwatt.errors import Check, Fault, InvalidInput
+from tripwatt.errors import Check, InvalidInput
 from tripwatt.forecasting import Forecast, ForecastModel
 from tripwatt.forecasting.difference import Difference
 from tripwatt.forecasting.leaving import soc_needed
 from tripwatt.population import for_car
 from tripwatt.roads.journey.atlas import Atlas, AtlasSettings, open_atlas
-from tripwatt.roads.journey.charging import OVERHEAD_S, WARM_DEGC, ChargingCurve, plugs_of
-from tripwatt.roads.journey.corridor import CERTAIN, LEG_FIELDS, STATION_KIND, Corridor, StopRules
+from tripwatt.roads.journey.charging import WARM_DEGC
+from tripwatt.roads.journey.corridor import CERTAIN, LEG_FIELDS, STATION_KIND, Corridor, JourneyOptions
 from tripwatt.roads.journey.forecasting import (
     RoadForecaster,
     cap_motorway_speed,
@@ -30,17 +30,13 @@ from tripwatt.roads.journey.verdict import Advice, Verdict
 from tripwatt.roads.routers import Road
 from tripwatt.routes.link_objects import fields_of_route
 from tripwatt.routes.places import Place
-from tripwatt.trips import Departure, Flag, raise_faults
-from tripwatt.trips.columns import Column, number_faults, scalar_faults
+from tripwatt.trips import Departure, Flag
 from tripwatt.trips.messages import flag_to_dict, leave_in_words
 from tripwatt.units import M_S_PER_KM_H
 from tripwatt.vehicles import Vehicle
 
 _MAX_STOPS: Final = 20
-_MAX_ALTERNATIVES: Final = 3
-_MAX_OVERHEAD_S: Final = 7200.0
-_MAX_PAUSE_S: Final = 604_800.0
-"""Bounds of a request: choices, since the work grows with the places and roads."""
+"""Most places of a request: a choice, since the work grows with them."""
 
 _NEAR_ROAD_M: Final = 200.0
 """A place that is farther than this from its road is flagged: a choice, a short walk."""
@@ -51,66 +47,6 @@ _CHEAPER_KM_H: Final = 100.0
 
 _MIN_MOTORWAY_M: Final = 1000.0
 """Journeys with less motorway get no advice on speed: a choice, because it would change nothing."""
-
-
-@dataclass(frozen=True, slots=True)
-class JourneyOptions:
-    """Options of planning a journey.
-
-    Attributes
-    ----------
-    reserve : float
-        Displayed state of charge to arrive with.
-    alternatives : int
-        Number of other roads besides the fastest.
-    round_trip : bool
-        Whether the journey leads back to the start.
-    pause_s : float
-        Time of a round trip at its last place before the way back [s]; the car cools down meanwhile.
-    answers : bool
-        Whether costs, speed and charging are computed besides the forecasts.
-    charging_curve : ChargingCurve or None
-        Charging curve; if None, that of the car or of its class.
-    charge : bool
-        Whether stops to charge are planned if the charge does not suffice.
-    stop_overhead_s : float
-        Time for parking, plugging in and paying at each stop [s].
-    preheat_battery : bool
-        Whether the battery may be heated on the way to a stop.
-    avoid : tuple of Place
-        Stations at which the car does not charge, within 30 m.
-    networks : tuple of str
-        Networks that are preferred, by the beginnings of `Station.networks`, or of the name of a station without any. A stop at one of them
-        may take a quarter of an hour more.
-
-    Examples
-    --------
-    >>> JourneyOptions(reserve=0.15, alternatives=2).round_trip
-    False
-    """
-
-    reserve: float = 0.1
-    alternatives: int = 0
-    round_trip: bool = False
-    pause_s: float = 0.0
-    answers: bool = True
-    charging_curve: ChargingCurve | None = None
-    charge: bool = True
-    stop_overhead_s: float = OVERHEAD_S
-    preheat_battery: bool = False
-    avoid: tuple[Place, ...] = ()
-    networks: tuple[str, ...] = ()
-
-    def __post_init__(self) -> None:
-        faults = list(scalar_faults({"reserve": self.reserve}))
-        roads = Column("", 0, _MAX_ALTERNATIVES, "")
-        faults += number_faults("alternatives", self.alternatives, roads, whole=True)
-        faults += number_faults("pause_s", self.pause_s, Column("s", 0, _MAX_PAUSE_S, ""))
-        faults += number_faults("stop_overhead_s", self.stop_overhead_s, Column("s", 0, _MAX_OVERHEAD_S, ""))
-        fix = "add --round-trip (round_trip), or leave out the pause"
-        if self.pause_s and not self.round_trip:
-            faults.append(Fault("pause without a way back", "pause_s", f"{self.pause_s:g} s", fix=fix))
-        raise_faults(faults)
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -558,9 +494,8 @@ def journey_with(
     roads = [RoadForecast(road, forecaster.forecast(road, title)) for road in found]
     is_planned = options.answers and options.charge and bool(atlas.stations)
     is_chosen = any(place.kind == STATION_KIND for place in stops[1:-1])
-    rules = _stop_rules(forecaster, roads[0], options)
     corridors = {
-        k: Corridor(forecaster, road.road, road.forecast, atlas, rules, stops[1:-1])
+        k: Corridor(forecaster, road.road, road.forecast, atlas, options, stops[1:-1])
         for k, road in enumerate(roads)
         if is_planned and (is_chosen or road.whole(options.reserve).p_reserve < CERTAIN)
     }
@@ -620,24 +555,16 @@ def _far_from_road(stops: Sequence[Place], road: Road) -> tuple[Flag, ...]:
     )
 
 
-def _stop_rules(forecaster: RoadForecaster, road: RoadForecast, options: JourneyOptions) -> StopRules:
-    vehicle, display_wh = forecaster.model.vehicle, road.forecast.charge.wh_per_display
-    curve = options.charging_curve or ChargingCurve.from_vehicle(vehicle, display_wh)
-    plugs = plugs_of(vehicle.name, road.road.place_at(0.0))
-    chosen = plugs, tuple(options.avoid), tuple(options.networks)
-    return StopRules(curve, options.reserve, options.stop_overhead_s, options.preheat_battery, *chosen)
-
-
 def _charging_flags(corridor: Corridor | None, plans: tuple[ChargingPlan, ...]) -> tuple[Flag, ...]:
     """Return the assumptions of plans with stops, or why there are none; without a corridor there are no stations."""
     if corridor is None:
         return (Flag("no_stations", "charging"),)
     stations = [stop.station for stop in plans[0].stops] if plans else []
-    plugs_known = {bool(corridor.rules.plugs and station.plugs) for station in stations}
+    plugs_known = {bool(corridor.plugs and station.plugs) for station in stations}
     is_cold = float(corridor.cell_degc.min()) < WARM_DEGC
     applies = {
         "no_stop_found": not plans or plans[0].label == BEST_EFFORT,
-        "class_charging_curve": bool(plans) and corridor.rules.curve.is_class,
+        "class_charging_curve": bool(plans) and corridor.curve.is_class,
         "plugs_assumed": True in plugs_known,
         "plugs_unknown": False in plugs_known,
         "station_power_assumed": not all(station.power_known for station in stations),
@@ -667,11 +594,8 @@ def _leg_costs(leg: Leg, forecaster: RoadForecaster) -> dict[str, float]:
     at_start = {name: getattr(plan.departure, name) for name in LEG_FIELDS}
     forecaster = replace(forecaster, departure=replace(forecaster.departure, **at_start))
     off = replace(plan, departure=replace(plan.departure, climate="off"))
-    costs = {
-        "climate": forecast.energy_wh - forecaster.forecast_plan(off).energy_wh,
-        "wind": 0.0,
-        "speed": 0.0,
-    }
+    costs = dict.fromkeys(("climate", "wind", "speed"), 0.0)
+    costs["climate"] = forecast.energy_wh - forecaster.forecast_plan(off).energy_wh
     if plan.air is not None and bool(plan.air.headwind_m_s.any()):
         calm = plan.with_weather(plan.air.calm())
         costs["wind"] = forecast.energy_wh - forecaster.forecast_plan(calm).energy_wh

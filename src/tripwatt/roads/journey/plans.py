@@ -7,14 +7,14 @@ All legs of a plan have to have the same chance to hold. The lowest such chance 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from types import MappingProxyType
 from typing import Final
 
 import numpy as np
 
-from tripwatt.roads.journey.corridor import CERTAIN, Corridor, StopRules
+from tripwatt.roads.journey.corridor import CERTAIN, Corridor
 from tripwatt.roads.journey.solver import StopPlan, StopProblem, least_time
 from tripwatt.roads.journey.stops import SAME_TIME_S, ChargingPlan, ChargingStop, NextStation
 
@@ -60,7 +60,7 @@ def find_plans(corridor: Corridor) -> tuple[ChargingPlan, ...]:
     candidates = (fewest, _safest_plan(corridor, 1.25 * first.duration_s), cheapest)
     others = [plan for plan in candidates if plan is not None]
     # another plan may cost less than the first, because its legs were estimated as slower before they were routed
-    plans = [replace(min((first, *others), key=lambda plan: _cost_s(corridor.rules, plan)), label="fastest")]
+    plans = [replace(min((first, *others), key=lambda plan: _cost_s(corridor, plan)), label="fastest")]
     for plan in others:
         gain = _GAINS[plan.label]
         if gain(plan) - max(map(gain, plans)) >= 1.0:
@@ -68,9 +68,9 @@ def find_plans(corridor: Corridor) -> tuple[ChargingPlan, ...]:
     return tuple(plans)
 
 
-def _cost_s(rules: StopRules, plan: ChargingPlan) -> float:
+def _cost_s(corridor: Corridor, plan: ChargingPlan) -> float:
     """Return the time of a plan with what each of its stops costs besides it, as in the search for the fastest plan [s]."""
-    return plan.duration_s + sum(SAME_TIME_S + rules.other_network_s(stop.station) for stop in plan.stops)
+    return plan.duration_s + sum(SAME_TIME_S + corridor.other_network_s(stop.station) for stop in plan.stops)
 
 
 def fastest_plan(corridor: Corridor) -> ChargingPlan | None:
@@ -91,7 +91,7 @@ def _best_certain_plan(corridor: Corridor, label: str, risk: float) -> tuple[Cha
             chances, p_whole = (1.0 - max(first_risk, risk), 1.0 - risk), 1.0
             optimum = corridor.optimum(chances, label)
             if optimum is not None:
-                plan = ChargingPlan(label, (), corridor.legs_of(optimum), corridor.rules.reserve)
+                plan = ChargingPlan(label, (), corridor.legs_of(optimum), corridor.options.reserve)
                 p_whole = plan.p_reserve
             if p_whole < CERTAIN:
                 high = risk
@@ -112,7 +112,7 @@ def _safest_plan(corridor: Corridor, max_s: float) -> ChargingPlan | None:
     for chances in _SAFEST_CHANCES:
         optimum = corridor.optimum(chances, "safest")
         if optimum is not None and optimum.duration_s <= max_s:
-            plan = ChargingPlan("safest", (), corridor.legs_of(optimum), corridor.rules.reserve)
+            plan = ChargingPlan("safest", (), corridor.legs_of(optimum), corridor.options.reserve)
             return _with_stops(corridor, plan, optimum, chances)
     return None
 
@@ -122,7 +122,7 @@ def _best_effort_plans(corridor: Corridor) -> tuple[ChargingPlan, ...]:
 
     Returns an empty tuple if the plan is not better than driving without a stop, or if the battery is more likely to run empty than not.
     """
-    reserve, chances = corridor.rules.reserve, _SAFEST_CHANCES[-2]
+    reserve, chances = corridor.options.reserve, _SAFEST_CHANCES[-2]
     optimum = corridor.optimum(chances, BEST_EFFORT)
     if optimum is None or len(optimum.nodes) < 3:
         return ()
@@ -135,23 +135,17 @@ def _best_effort_plans(corridor: Corridor) -> tuple[ChargingPlan, ...]:
 def _with_stops(
     corridor: Corridor, plan: ChargingPlan, optimum: StopPlan, chances: tuple[float, float]
 ) -> ChargingPlan:
-    stops = _charging_stops(corridor, plan, optimum, corridor.problem(*chances))
-    return replace(plan, stops=tuple(stops))
-
-
-def _charging_stops(
-    corridor: Corridor, plan: ChargingPlan, optimum: StopPlan, problem: StopProblem
-) -> Iterator[ChargingStop]:
-    """Yield the stops of a plan in driving order, each with the station to go to if it is occupied."""
+    """Return a plan with its stops in driving order, each with the station to go to if it is occupied."""
+    problem, stops = corridor.problem(*chances), []
     elapsed = position = 0.0
-    wh, overhead = corridor.forecast.charge.wh_per_display, corridor.rules.overhead_s
+    wh, overhead = corridor.forecast.charge.wh_per_display, corridor.options.stop_overhead_s
     for k, node in enumerate(optimum.nodes[1:-1]):
         leg, leave = plan.legs[k], optimum.levels[k + 1]
         elapsed += leg.forecast.plan.elapsed_s
         position += leg.road.distance_m
         arrival = leg.soc_arrival
         charging_s = problem.charge_s(node, arrival, leave)
-        yield ChargingStop(
+        made = ChargingStop(
             corridor.stations[node - 1],
             position,
             arrival,
@@ -166,7 +160,9 @@ def _charging_stops(
             bool(leg.preheat_soc > 0.0),
             _next_station(corridor, optimum, problem, k),
         )
+        stops.append(made)
         elapsed += charging_s + overhead
+    return replace(plan, stops=tuple(stops))
 
 
 def _next_station(corridor: Corridor, optimum: StopPlan, problem: StopProblem, k: int) -> NextStation | None:
