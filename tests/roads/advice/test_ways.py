@@ -15,7 +15,6 @@ import tripwatt as tw
 from tripwatt.forecasting.leaving import forecasts_like
 from tripwatt.roads.advice import leaving_later
 from tripwatt.roads.advice.actions import ALONE, Action, actions, replan_with
-from tripwatt.roads.advice.advise import _Trials
 from tripwatt.roads.journey import Place, RoadForecaster
 from tripwatt.roads.maps import Station
 from tripwatt.roads.routers import Road
@@ -205,15 +204,16 @@ def test_extras_that_several_actions_change_are_all_changed(model: tw.ForecastMo
 def test_heated_seats_are_part_of_the_energy_and_of_the_charge(model: tw.ForecastModel) -> None:
     base = RoadForecaster(model, replace(COLD, ambient_temperature_degc=-10.0)).forecast(straight(A, B, 80.0))
     seats = next(action for action in actions(base) if action.code == "seats")
-    one = _Trials(base, 0.1).with_actions(seats)
-    assert one.difference.energy_wh == pytest.approx(sum(one.difference.by_cause_wh.values()))
+    heated = forecasts_like(base)(seats.apply_to(base.plan))
+    difference = heated.difference(base)
+    assert difference.energy_wh == pytest.approx(sum(difference.by_cause_wh.values()))
     hours = base.plan.duration_s / 3600.0
     warm_air = replace(base.plan, departure=replace(base.plan.departure, cabin_setpoint_degc=16.0))
     without_seats = forecasts_like(base)(warm_air)
-    taken = one.forecast.by_cause_wh["base_load"] - without_seats.by_cause_wh["base_load"]
+    taken = heated.by_cause_wh["base_load"] - without_seats.by_cause_wh["base_load"]
     assert taken == pytest.approx(100.0 * hours, rel=0.01)
-    assert one.difference.energy_wh == pytest.approx(one.forecast.energy_wh - base.energy_wh)
-    assert one.soc_arrival - base.soc_arrival == pytest.approx(one.difference.soc_arrival)
+    assert difference.energy_wh == pytest.approx(heated.energy_wh - base.energy_wh)
+    assert heated.soc_arrival - base.soc_arrival == pytest.approx(difference.soc_arrival)
 
 
 def test_who_reaches_no_station_is_told_with_which_action_one_is_reached(model: tw.ForecastModel) -> None:

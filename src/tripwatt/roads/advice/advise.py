@@ -5,7 +5,7 @@ from __future__ import annotations
 import datetime as dt
 import itertools
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final
@@ -310,11 +310,18 @@ def advise(
         for k, (road, plan) in enumerate(zip(roads, wholes, strict=True))
         if k and round(plan.p_reserve, 2) >= round(wholes[0].p_reserve, 2)
     ] + [*others]
-    trials = _Trials(forecast, reserve)
+    forecast_again = forecasts_like(forecast)
+
+    def with_actions(*chosen: Action) -> Advised:
+        plan = forecast.plan
+        for action in chosen:
+            plan = action.apply_to(plan)
+        return _compared(chosen, forecast_again(plan), forecast, reserve)
+
     leaves = forecast.plan.departure.departs_at or now
     left_s = math.inf if now is None or leaves is None else max((leaves - now).total_seconds(), 0.0)
-    candidates = [trials.with_actions(one) for one in actions(forecast) if one.before_s <= left_s]
-    candidates += [trials.compared((action,), way, forecast) for action, way in ways]
+    candidates = [with_actions(one) for one in actions(forecast) if one.before_s <= left_s]
+    candidates += [_compared((action,), way, forecast, reserve) for action, way in ways]
     least_wh = max(_MIN_SAVED_WH, _MIN_SAVED_SHARE * forecast.energy_wh)
     likely = [advised for advised in candidates if advised.difference.p_less >= _MIN_P_LESS]
     saving = [advised for advised in likely if advised.difference.energy_wh <= -least_wh]
@@ -332,7 +339,7 @@ def advise(
     ]
     charge_to = soc_needed(forecast, reserve, probability)
     lacking_wh = (charge_to - float(forecast.along.expected_soc[0])) * forecast.charge.wh_per_display
-    least = _smallest_sets(trials, saving, probability, lacking_wh) if p_arrive < probability else []
+    least = _smallest_sets(with_actions, saving, probability, lacking_wh) if p_arrive < probability else []
     whole = trip.charging if isinstance(trip, Journey) else None
     return Advice(
         forecast, reserve, probability, p_arrive, charge_to, tuple(least), tuple(singly), tuple(speeds), whole
@@ -366,28 +373,14 @@ def _forecast_before_departure(trip: Journey | Forecast, *other_arguments: objec
     return forecast
 
 
-class _Trials:
-    """Forecasts of a trip with actions, compared with the trip as it is."""
-
-    def __init__(self, forecast: Forecast, reserve: float) -> None:
-        self.forecast, self.reserve = forecast, reserve
-        self._forecast_again = forecasts_like(forecast)
-
-    def with_actions(self, *chosen: Action) -> Advised:
-        """Forecast the trip with some actions, compared with the trip without them."""
-        plan = self.forecast.plan
-        for action in chosen:
-            plan = action.apply_to(plan)
-        return self.compared(chosen, self._forecast_again(plan), self.forecast)
-
-    def compared(self, chosen: tuple[Action, ...], changed: Forecast, before: Forecast) -> Advised:
-        """Compare the forecast of the trip with some actions with a forecast without them."""
-        difference = changed.difference(before)
-        return Advised(chosen, changed, difference, changed.soc_arrival, changed.p_arrive(self.reserve))
+def _compared(chosen: tuple[Action, ...], changed: Forecast, before: Forecast, reserve: float) -> Advised:
+    """Compare the forecast of a trip with some actions with a forecast without them."""
+    difference = changed.difference(before)
+    return Advised(chosen, changed, difference, changed.soc_arrival, changed.p_arrive(reserve))
 
 
 def _smallest_sets(
-    trials: _Trials, singly: Sequence[Advised], probability: float, lacking_wh: float
+    with_actions: Callable[..., Advised], singly: Sequence[Advised], probability: float, lacking_wh: float
 ) -> list[Advised]:
     """Find up to `_MAX_SETS` sets of actions that reach the required probability: the smallest sets, and larger ones that cost less.
 
@@ -407,7 +400,7 @@ def _smallest_sets(
         for _, chosen in sorted(promising, key=lambda pair: pair[0])[:_MAX_TRIED]:
             codes = tuple(advised.actions[0].code for advised in chosen)
             if codes not in sufficient and len(sufficient) < _MAX_SETS:
-                together = trials.with_actions(*(advised.actions[0] for advised in chosen))
+                together = with_actions(*(advised.actions[0] for advised in chosen))
                 if together.p_arrive >= probability:
                     sufficient[codes] = together
     return sorted(sufficient.values(), key=lambda advised: advised.cost_min)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any, Final, Literal
 
 import numpy as np
@@ -137,8 +137,6 @@ class Companion:
 
     Attributes
     ----------
-    last : Message or None
-        The latest message; None before the first.
     latest : Message or None
         The latest evaluation, also where it is no message; None before the first.
 
@@ -156,7 +154,6 @@ class Companion:
         self.departure = departure
         self.reserve = require_fraction("reserve", reserve)
         self.probability = require_fraction("probability", probability, 0.5)
-        self.last: Message | None = None
         self.latest: Message | None = None
         self._evaluated_s = self._message_s = -np.inf
         self._verdict: Verdict | None = None
@@ -190,14 +187,13 @@ class Companion:
         forecast = updated or self.departure.update(observed)
         chance = forecast.p_arrive(self.reserve)
         verdict = self._verdict_of(chance)
-        self.latest = Message(at_s, verdict, forecast.soc_arrival, chance)
-        if verdict != "arrives":
-            speed_m_s, p_at_speed = self._restoring_speed(observed, forecast.measured_until_s)
-            self.latest = replace(self.latest, speed_m_s=speed_m_s, p_at_speed=p_at_speed)
+        until_s = forecast.measured_until_s
+        speeds = (None, None) if verdict == "arrives" else self._restoring_speed(observed, until_s)
+        self.latest = Message(at_s, verdict, forecast.soc_arrival, chance, *speeds)
         if verdict == self._verdict or at_s - self._message_s < QUIET_S:
             return None
-        self._message_s, self._verdict, self.last = at_s, verdict, self.latest
-        return self.last
+        self._message_s, self._verdict = at_s, verdict
+        return self.latest
 
     def _verdict_of(self, chance: float) -> Verdict:
         """Return the verdict of a chance; the limits of the last verdict are wider by `MARGIN`."""
