@@ -14,7 +14,14 @@ from tripwatt.physics import DriveConditions, simulate, simulate_trip
 from tripwatt.physics.road_load import WET_ROAD
 from tripwatt.roads import weather as weather_module
 from tripwatt.roads.routers import Edges, Road, join_edges
-from tripwatt.roads.weather import WIND_AT_CAR, Weather, WeatherServer, plan_with_weather, weather_along
+from tripwatt.roads.weather import (
+    WIND_AT_CAR,
+    Weather,
+    WeatherServer,
+    forecast_sd,
+    plan_with_weather,
+    weather_along,
+)
 from tripwatt.routes.places import Place
 from tripwatt.trips import Departure, Plan, table_of
 from tripwatt.vehicles import load_vehicle
@@ -232,11 +239,10 @@ def test_the_url_is_checked():
     assert WeatherServer.from_url("https://h/").client.base_url == "https://h"
 
 
-def test_the_standard_deviation_grows_with_each_day_ahead_and_a_value_by_hand_is_certain():
-    assert (Weather().temperature_sd_k, Weather().wind_sd_m_s) == (0.0, 0.0)
+def test_the_standard_deviation_grows_with_each_day_ahead():
     for hours, sd in ((-5.0, 1.0), (0.0, 1.0), (0.6, 1.01), (24.0, 1.4)):
-        ahead = Weather(hours_ahead=hours)
-        assert (ahead.temperature_sd_k, ahead.wind_sd_m_s) == pytest.approx((sd, sd))
+        assert forecast_sd([Weather(hours_ahead=hours)]) == pytest.approx((sd, sd))
+    assert forecast_sd([Weather(hours_ahead=h) for h in (-5.0, 24.0)]) == pytest.approx((1.2, 1.2))
 
 
 @pytest.mark.parametrize(

@@ -95,27 +95,17 @@ class Weather:
         values = {name: getattr(self, name) for name in names}
         raise_faults(scalar_faults({"ambient_temperature_degc": self.temperature_degc, **values}))
 
-    @property
-    def temperature_sd_k(self) -> float:
-        """Standard deviation of the temperature [K]."""
-        return _forecast_sd(TEMPERATURE_SD_K, self.hours_ahead)
 
-    @property
-    def wind_sd_m_s(self) -> float:
-        """Standard deviation of the wind against the car, 10 m above the ground [m/s]."""
-        return _forecast_sd(WIND_SD_M_S, self.hours_ahead)
-
-
-def _forecast_sd(now_and_per_day: tuple[float, float], hours_ahead: float | None) -> float:
-    """Return the standard deviation of a forecast some hours ahead, or 0 if `hours_ahead` is None.
+def forecast_sd(weather: Sequence[Weather]) -> tuple[float, float]:
+    """Return the mean standard deviations of forecast temperatures [K] and of the wind against the car, 10 m above the ground [m/s].
 
     Examples
     --------
-    >>> _forecast_sd((1.0, 0.5), 48.0), _forecast_sd((1.0, 0.5), None)
-    (2.0, 0.0)
+    >>> forecast_sd([Weather(hours_ahead=-5.0), Weather(hours_ahead=48.0)])
+    (1.4, 1.4)
     """
-    now, per_day = now_and_per_day
-    return 0.0 if hours_ahead is None else now + per_day * max(hours_ahead, 0.0) / 24.0
+    days = float(np.mean([max(w.hours_ahead or 0.0, 0.0) for w in weather])) / 24.0
+    return TEMPERATURE_SD_K[0] + TEMPERATURE_SD_K[1] * days, WIND_SD_M_S[0] + WIND_SD_M_S[1] * days
 
 
 class WeatherSource(Protocol):

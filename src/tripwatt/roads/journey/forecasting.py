@@ -15,7 +15,7 @@ from tripwatt.forecasting.forecast import Forecaster
 from tripwatt.physics import simulate_trip
 from tripwatt.roads.maps import KnownHeights
 from tripwatt.roads.routers import Road
-from tripwatt.roads.weather import Weather, WeatherSource, plan_with_weather, weather_along
+from tripwatt.roads.weather import Weather, WeatherSource, forecast_sd, plan_with_weather, weather_along
 from tripwatt.trips import Departure, Plan
 from tripwatt.trips.weather import WIND_AT_CAR
 
@@ -149,9 +149,8 @@ class RoadForecaster:
         plan = forecast.plan
         if not weather or plan.weather is None or weather[0].hours_ahead is None:
             return 0.0
-        kelvin = float(np.mean([w.temperature_sd_k for w in weather]))
-        wind = WIND_AT_CAR * float(np.mean([w.wind_sd_m_s for w in weather]))
-        changed = [replace(plan, weather=plan.weather.with_more_wind(wind))]
+        kelvin, wind_m_s = forecast_sd(weather)
+        changed = [replace(plan, weather=plan.weather.with_more_wind(WIND_AT_CAR * wind_m_s))]
         ambient = plan.departure.ambient_temperature_degc
         if ambient is not None and self.departure.ambient_temperature_degc is None:
             colder = replace(plan.departure, ambient_temperature_degc=ambient - kelvin)
