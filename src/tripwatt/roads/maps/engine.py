@@ -71,7 +71,8 @@ def configuration(folder: Path) -> dict[str, Any]:
     InvalidInput
         If Valhalla is not installed.
     """
-    config = _defaults(require_valhalla())
+    module = runpy.run_path(str(require_valhalla() / "valhalla_build_config.py"))
+    config = _given(module["config"], module["Optional"])
     here = folder.resolve()
     config["mjolnir"] |= {
         "tile_dir": str(here / "tiles"),
@@ -88,12 +89,6 @@ def configuration(folder: Path) -> dict[str, Any]:
     config["loki"]["service_defaults"]["mvt_min_zoom_road_class"] = list(SHOWN_FROM_ZOOM)
     limits["skadi"] |= {"max_shape": 1_000_000, "min_resample": 10.0}
     return config
-
-
-def _defaults(package: Path) -> dict[str, Any]:
-    """Load the default configuration of the installed release by the path of its module, since its package may be of another Python."""
-    module = runpy.run_path(str(package / "valhalla_build_config.py"))
-    return _given(module["config"], module["Optional"])
 
 
 def _given(values: Mapping[str, Any], unset: type) -> dict[str, Any]:

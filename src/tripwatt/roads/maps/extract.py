@@ -170,10 +170,8 @@ def station_of_tags(tags: Mapping[str, str], latitude_deg: float, longitude_deg:
     if "yes" in (tags.get("disused"), tags.get("abandoned")):
         return None
     given = {key: tags[key][:LONGEST_NAME] for key in NAME_KEYS if tags.get(key)}
-    name, networks = (
-        next(iter(given.values()), ""),
-        tuple(given[key] for key in NAME_KEYS[1:] if key in given),
-    )
+    name = next(iter(given.values()), "")
+    networks = tuple(given[key] for key in NAME_KEYS[1:] if key in given)
     plugs = _plugs(tags, "type1_combo" if longitude_deg < WEST_OF_CCS_2_DEG else "type2_combo")
     is_for_bicycles = tags.get("bicycle") in ("yes", "designated") and "motorcar" not in tags
     if plugs and is_for_bicycles and {plug.kind for plug in plugs} <= HOUSEHOLD:

@@ -10,7 +10,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any, Final
 
-from tripwatt.errors import Fault, InvalidInput, raise_faults
+from tripwatt.errors import Check, Fault, InvalidInput, raise_faults
 from tripwatt.files import read_text_file, replace_folder
 from tripwatt.roads.maps.elevation import Elevation, needed, tile_name
 from tripwatt.roads.maps.engine import build_tiles, require_valhalla, router_in_process
@@ -162,7 +162,7 @@ def build_map(
 
 def _require_paths(extract: Path, folder: Path, elevation: Path | str | None) -> Elevation | None:
     """Return the elevation tiles, if a folder is given; raise `InvalidInput` with every path that cannot be used."""
-    faults, heights = [], None
+    faults = []
     if not extract.is_file():
         faults.append(Fault("no such file", "EXTRACT", str(extract), "an OpenStreetMap extract"))
     if folder.exists() and not (
@@ -170,13 +170,9 @@ def _require_paths(extract: Path, folder: Path, elevation: Path | str | None) ->
     ):
         allowed = "a new folder, or one with a map"
         faults.append(Fault("folder holds something else", "--out", str(folder), allowed))
-    if elevation is not None:
-        try:
-            heights = Elevation.from_folder(Path(elevation))
-        except InvalidInput as error:
-            faults += error.faults
-    raise_faults(faults)
-    return heights
+    with Check() as check:
+        check(raise_faults, faults)
+        return None if elevation is None else check(Elevation.from_folder, Path(elevation))
 
 
 def _span(low: float, high: float, letters: str) -> str:
