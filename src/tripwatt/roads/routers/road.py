@@ -127,8 +127,14 @@ class Road:
         with as_remote():
             edges = _concatenate_edges([leg.edges for leg in legs])
             links, kinds = join_edges(edges.only(~edges.carried))
-            pauses = pauses_of(edges.length_m, edges.time_s, edges.carried)
-            links = replace(_with_heights(links, [leg.heights for leg in legs], legs_m, edges), pauses=pauses)
+            links = replace(links, pauses=pauses_of(edges.length_m, edges.time_s, edges.carried))
+            heights = [leg.heights for leg in legs if leg.heights is not None]
+            if len(heights) == len(legs):
+                starts = np.cumsum([0.0, *legs_m[:-1]])
+                at = np.concatenate([start + leg[0] for start, leg in zip(starts, heights, strict=True)])
+                at, height = driven_positions(at, edges.length_m, edges.carried), [leg[1] for leg in heights]
+                known = {"elevation_position_m": at, "elevation_m": np.concatenate(height)}
+                links = replace(links, **known, flags=())
         positions = distances_m(points, sum(legs_m)), np.cumsum(legs_m)[:-1]
         position, ends = (driven_positions(at, edges.length_m, edges.carried) for at in positions)
         return cls(links, kinds, points[:, 0], points[:, 1], position, tuple(ends.tolist()))
@@ -285,23 +291,6 @@ def _concatenate_edges(parts: Sequence[Edges]) -> Edges:
         where = f"edge {invalid[0] + 1}" if len(invalid) else "edges"
         raise InvalidInput.of("impossible edge of the road", where, "", "length and time above 0")
     return edges
-
-
-def _with_heights(
-    links: LinkRoute,
-    heights: Sequence[tuple[FloatArray, FloatArray] | None],
-    legs_m: Sequence[float],
-    edges: Edges,
-) -> LinkRoute:
-    """Return links with the heights of all legs, or unchanged if a leg has no heights."""
-    known_heights = [leg for leg in heights if leg is not None]
-    if not known_heights or len(known_heights) < len(heights):
-        return links
-    starts = np.cumsum([0.0, *legs_m[:-1]])
-    position = np.concatenate([start + leg[0] for start, leg in zip(starts, known_heights, strict=True)])
-    position = driven_positions(position, edges.length_m, edges.carried)
-    height = np.concatenate([leg[1] for leg in known_heights])
-    return replace(links, elevation_position_m=position, elevation_m=height, flags=())
 
 
 def _require_near_stops(points: FloatArray, stops: Sequence[Place]) -> None:
