@@ -25,7 +25,7 @@ from tripwatt.routes.links import LinkRoute
 from tripwatt.trips import Plan
 from tripwatt.units import M_S_PER_KM_H
 
-Shares = tuple[float, float, float]
+Shares = tuple[float, ...]
 """Shares of the distance in city, country and motorway; they add up to 1."""
 
 KINDS: Final[Mapping[str, Shares]] = MappingProxyType(
@@ -215,7 +215,7 @@ class OwnRoads:
         by_kind = self.typical_wh[0] + np.outer(
             (driven_m - short) / (long - short), self.typical_wh[1] - self.typical_wh[0]
         )
-        city, country, motorway = ((PRIOR_TRIPS * usual_shares + weight @ own_shares) / total_weight).tolist()
+        usual = (PRIOR_TRIPS * usual_shares + weight @ own_shares) / total_weight
 
         def mean_and_variance(shares: FloatArray, is_known: bool) -> tuple[float, tuple[float, ...]]:
             typical = np.maximum((shares * by_kind).sum(axis=1), 1.0)
@@ -226,9 +226,9 @@ class OwnRoads:
             return mean, (float(square / total_weight), 0.0)  # common variance, local length
 
         known_mean, known_var = mean_and_variance(np.array([round_shares(row) for row in own_shares]), True)
-        usual = (city, country, motorway)
-        unknown_mean, unknown_var = mean_and_variance(np.array(usual), False)
-        return RoadPrior(self.prior.speed_m_s, usual, known_var, unknown_var, (known_mean, unknown_mean))
+        unknown_mean, unknown_var = mean_and_variance(usual, False)
+        extra = known_mean, unknown_mean
+        return RoadPrior(self.prior.speed_m_s, tuple(usual.tolist()), known_var, unknown_var, extra)
 
     def usual_air(self, day: float) -> tuple[float, float]:
         """Return the outside temperature [°C] around a day of the year where the car drives, and its standard deviation [K].
@@ -256,8 +256,7 @@ def round_shares(length_m: FloatArray) -> Shares:
     exact = _SHARE_PARTS * length_m / length_m.sum()
     rounded = np.floor(exact)
     rounded[np.argsort(rounded - exact)[: _SHARE_PARTS - int(rounded.sum())]] += 1.0
-    city, country, motorway = (rounded / _SHARE_PARTS).tolist()
-    return city, country, motorway
+    return tuple((rounded / _SHARE_PARTS).tolist())
 
 
 @lru_cache(maxsize=8)
@@ -280,11 +279,10 @@ def road_prior(without: str | None = None) -> RoadPrior:
     weight = np.vstack((np.ones(3), length / (length + USUAL_M)))
     s_m = np.vstack((1.0 / (np.array(USUAL_KM_H) * M_S_PER_KM_H), time / length))
     shares = np.vstack((USUAL_SHARES, length / length.sum(axis=1, keepdims=True)))
-    city, country, motorway = shares.mean(axis=0).tolist()
     known, unknown = (np.mean([getattr(s, name) for s in studies], axis=0) for name in ("known", "unknown"))
     return RoadPrior(
         tuple((weight.sum(axis=0) / (weight * s_m).sum(axis=0)).tolist()),
-        (city, country, motorway),
+        tuple(shares.mean(axis=0).tolist()),
         tuple(known.tolist()),
         tuple(unknown.tolist()),
     )
@@ -335,4 +333,4 @@ def shares_of(kind: str | Sequence[float]) -> Shares:
     if len(kind) != 3 or not (min(kind) >= 0.0 and abs(sum(kind) - 1.0) <= 1e-6):
         allowed = "three shares of city, country and motorway that add up to 1"
         raise InvalidInput.of("not shares of a distance", "kind", f"{tuple(kind)}"[:60], allowed)
-    return kind[0], kind[1], kind[2]
+    return tuple(kind)
