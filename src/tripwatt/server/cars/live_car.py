@@ -202,14 +202,18 @@ class LiveCar(Recorder):
         OSError
             When the trip cannot be written; the next sample tries again.
         """
-        self._end_trip()
+        self._release()
+        self._find_trips(self._ordered.release(), to_end=True)
         has_ended = bool(self.ended)
         self._store_ended_trips()
         return has_ended
 
     def _store_ended_trips(self) -> None:
         """Write ended trips, and forget their plan and their samples, in one transaction."""
-        needed, has_ended = self._needed_samples, bool(self.ended)
+        has_ended, needed = (
+            bool(self.ended),
+            [*self._finder.before, *self._ordered.waiting, *self._sender.held],
+        )
         # while the car is on a trip again, its samples are needed to find it after a restart
         shorten = self.trip is None and (has_ended or self._messages > 2 * len(needed) + SLACK_MESSAGES)
         if not has_ended and not shorten:

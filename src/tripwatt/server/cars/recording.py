@@ -139,28 +139,15 @@ class Recorder:
         self._ordered.insert(sample)
         self._find_trips(self._ordered.release_ready())
 
-    def _find_trips(self, samples: list[Sample]) -> None:
-        for sample in samples:
-            self._end(self._finder.add(sample))
-
-    def _end(self, trip: LiveTrip | None) -> None:
-        if trip is not None:
+    def _find_trips(self, samples: list[Sample], *, to_end: bool = False) -> None:
+        """Find trips in samples; `to_end` if no more samples arrive, which ends a trip."""
+        found = [*map(self._finder.add, samples), self._finder.end() if to_end else None]
+        for trip in (trip for trip in found if trip is not None):
             self.ended.append(trip)
             self._parked = self._soc if self._soc is not None and self._soc[0] >= trip.moved_s else None
 
-    def _end_trip(self) -> None:
-        """End the trip that the car is on, because no more samples arrive."""
-        self._release()
-        self._find_trips(self._ordered.release())
-        self._end(self._finder.end())
-
-    @property
-    def _needed_samples(self) -> list[Sample]:
-        """Samples that are still needed if the car is on no trip."""
-        return [*self._finder.before, *self._ordered.waiting, *self._sender.held]
-
     def _state_before_samples(self) -> dict[str, Any]:
-        """Return what samples have shown that are dropped when the car is on no trip and only `_needed_samples` is kept."""
+        """Return what samples have shown that are dropped when the car is on no trip and only the samples before a trip are kept."""
         waiting = [*self._finder.before, *self._ordered.waiting]
         after_s = math.nextafter(waiting[0].time_s, -math.inf) if waiting else self._ordered.released_s
         return {
