@@ -49,11 +49,9 @@ Log = Callable[..., None]
 class PageFiles(StaticFiles):
     """The files of the page. Names of assets contain a hash of the content, so that assets never change."""
 
-    def file_response(
-        self, full_path: Any, stat_result: Any, scope: Scope, status_code: int = 200
-    ) -> Response:
+    async def get_response(self, path: str, scope: Scope) -> Response:
         """Return the response with a file and its Cache-Control header."""
-        response = super().file_response(full_path, stat_result, scope, status_code)
+        response = await super().get_response(path, scope)
         is_asset = "/assets/" in scope["path"]
         response.headers["Cache-Control"] = "public, max-age=31536000, immutable" if is_asset else "no-cache"
         return response

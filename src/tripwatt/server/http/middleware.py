@@ -118,8 +118,10 @@ class ServiceMiddleware:
         Problem
             `host-not-served`, `foreign-site` or `token-needed`.
         """
-        self._check_host(headers.getlist("host"))
-        path = scope["path"]
+        allowed, path = self.settings.hosts, scope["path"]
+        names = [re.sub(r":\d*$", "", host).lower() for host in headers.getlist("host")]
+        if allowed and (len(names) != 1 or names[0] not in allowed):
+            raise Problem("host-not-served", "the Host header does not name this service")
         # an operation that reads takes computing time, too
         if scope["method"] not in SAFE_METHODS or path.startswith(TOKEN_PATHS):
             _check_site(headers, self.settings.cors_origins)
@@ -127,12 +129,6 @@ class ServiceMiddleware:
             query = scope["query_string"] if path.endswith("/events") else ""
             tokens = [f"Bearer {token}" for token in QueryParams(query).getlist("token")]
             self._check_token(headers.getlist("authorization") or tokens)
-
-    def _check_host(self, hosts: list[str]) -> None:
-        allowed = self.settings.hosts
-        names = [re.sub(r":\d*$", "", host).lower() for host in hosts]
-        if allowed and (len(names) != 1 or names[0] not in allowed):
-            raise Problem("host-not-served", "the Host header does not name this service")
 
     def _check_token(self, given: list[str]) -> None:
         kind, _, token = (given[0] if len(given) == 1 else "").partition(" ")
