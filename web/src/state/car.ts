@@ -17,6 +17,9 @@ export interface Car {
   own?: string;
 }
 
+/** What a car of the service is chosen by. */
+type Owned = Pick<OwnCarSummary, "name" | "car" | "title">;
+
 export const models = signal<Model[]>([]);
 export const vehicles = signal<Vehicle[]>([]);
 export const car = signal<Car | null>(null);
@@ -45,8 +48,8 @@ export function chooseDescribed(figures: Figures, title: string): void {
   if (any) car.value = { vehicle: DESCRIBED, model: any, figures, title };
 }
 
-/** Choose a car of the service by its name; `of` is the car of the library that it is. */
-export function chooseOwn(own: string, of: string, title: string): void {
+/** Choose a car of the service; `car` is the car of the library that it is. */
+export function chooseOwn({ name: own, car: of, title }: Owned): void {
   const any = car.value?.model ?? models.value[0]?.name;
   const known = vehicles.value.some(({ name }) => name === of);
   if (any) car.value = { vehicle: known ? of : DESCRIBED, model: any, title, own };
@@ -61,15 +64,12 @@ export function chooseModel(name: string): void {
  *
  * Else the car of the service, where it keeps exactly one, else that of the first model.
  */
-export function chooseFirst(
-  last: Partial<Car> | undefined,
-  owned: readonly Pick<OwnCarSummary, "name" | "car" | "title">[] = [],
-): void {
+export function chooseFirst(last: Partial<Car> | undefined, owned: readonly Owned[] = []): void {
   const known = models.value.find(({ name }) => name === last?.model) ?? models.value[0];
   if (!known) return;
   car.value = { model: known.name, vehicle: known.model.car };
   const own = owned.find(({ name }) => (last ? name === last.own : owned.length === 1));
-  if (own) chooseOwn(own.name, own.car, own.title);
+  if (own) chooseOwn(own);
   else if (last?.figures && last.title)
     car.value = { model: known.name, vehicle: DESCRIBED, figures: last.figures, title: last.title };
   else if (vehicles.value.some(({ name }) => name === last?.vehicle))

@@ -4,7 +4,7 @@ import { batch, computed, signal } from "@preact/signals";
 import { createCar, forgetCar, getCar, listCars, newCarToken, RequestFailed } from "../api/client";
 import type { Fault, OwnCar, OwnCarSummary } from "../api/documents";
 import { pause } from "../model/clock";
-import { car, chooseOwn, DESCRIBED, vehicle } from "./car";
+import { car, DESCRIBED, vehicle } from "./car";
 
 /** Time between two looks at a car that learns [ms]. */
 const LOOK_AGAIN_MS = 700;
@@ -99,11 +99,6 @@ export async function dropCar(name: string): Promise<void> {
 }
 
 export const tokenOf = (name: string) => asked(() => newCarToken(name));
-
-/** Use the shown car for the forecasts of the page. */
-export function useCar({ name, car: of, title }: OwnCarSummary): void {
-  chooseOwn(name, of, title);
-}
 
 /** Show the progress of a car that learns until it has learned. */
 export async function follow(name: string): Promise<void> {

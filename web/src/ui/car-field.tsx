@@ -6,9 +6,9 @@ import { findVehicles } from "../api/client";
 import { Latest } from "../api/latest";
 import type { Vehicle } from "../api/documents";
 import { beginning } from "../model/cars";
-import { car, chooseVehicle, vehicle, vehicles } from "../state/car";
+import { car, chooseOwn, chooseVehicle, vehicle, vehicles } from "../state/car";
 import { faults } from "../state/forecast";
-import { labelOf, openOwnCars, ownCars, useCar } from "../state/own-cars";
+import { labelOf, openOwnCars, ownCars } from "../state/own-cars";
 import { text } from "../state/preferences";
 import { openCarDialog } from "./car-dialog";
 import { Combobox, type Option } from "./combobox";
@@ -41,7 +41,7 @@ function optionsFor(words: string): Option[] {
       key: `own:${row.name}`,
       name: row.label,
       detail: ` · ${row.title} · ${own.title}`,
-      take: () => useCar(row),
+      take: () => chooseOwn(row),
     }));
   const rows = matches.value ?? [...vehicles.value].sort((a, b) => b.models.length - a.models.length);
   const library = rows.map((row) => ({

@@ -5,7 +5,7 @@ import type { OwnCar } from "../api/documents";
 import { storedToken } from "../api/client";
 import { isBetter } from "../model/diary";
 import { senderAddress, viewAddress } from "../model/to-phone";
-import { car } from "../state/car";
+import { car, chooseOwn } from "../state/car";
 import {
   addCar,
   damagedCars,
@@ -17,7 +17,6 @@ import {
   showCar,
   shownCar,
   tokenOf,
-  useCar,
 } from "../state/own-cars";
 import { logs } from "../state/own-logs";
 import { openRoad } from "../state/live-drive";
@@ -109,7 +108,7 @@ function Shown({ of }: { of: OwnCar }) {
           class={isUsed || !isBetter(of) || logs.value?.car === of.name ? "" : "primary"}
           disabled={isUsed}
           onClick={() => {
-            useCar(of);
+            chooseOwn(of);
             isOpen.value = false;
           }}
           label={isUsed ? words.used : words.use}
