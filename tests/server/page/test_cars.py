@@ -272,7 +272,12 @@ def test_many_files_of_which_some_are_bad(opened: Any, service: Service) -> None
     read(page, "20 files: 16 read, 4 ignored")
     assert page.evaluate("document.activeElement.className") == "files"
     assert dialog(page).locator(".findings").count() == 0
+    use = dialog(page).get_by_role("button", name="Use for forecasts")
+    assert use.is_enabled()
     dialog(page).get_by_role("button", name="Learn 16 trips").click()
+    dialog(page).locator(".learning").wait_for()
+    assert use.is_disabled()  # its forecasts would be those of the published values
+    assert dialog(page).get_by_text("No own trips yet").count() == 0
     dialog(page).get_by_text("16 new trips learned.").wait_for()
     (car,) = (c for c in service.client.get("/v1/cars").json()["cars"] if c["label"] == "My Model 3")
     assert car["in_diary"] == 16

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 from collections.abc import Callable, Iterator
 from io import BytesIO
@@ -437,8 +438,11 @@ def test_who_charges_at_the_start_drives_nowhere_first_and_a_doubtful_charge_is_
         if route.request.post_data_json.get("answers") is not False:
             whole = charging(answer, "best effort", 0.45, 12.0)
             whole["stops"] = [whole["stops"][0] | {"position_m": 150.0, "if_full": None}]
-            answer["charging"] = whole | {"p_arrive": 0.81, "p_reserve": 0.81}
+            answer["charging"] = whole | ({} if below else {"p_arrive": 0.81, "p_reserve": 0.81})
+            answer["verdict"]["reason"] = "leaves_below_reserve" if below else "to_a_stop"
         route.fulfill(json=answer)
+
+    below = False
 
     page.route("**/v1/journeys", beside_the_start)
     whole_answer(page, lambda: page.get_by_role("slider", name="Battery at departure").fill("11"))
@@ -446,10 +450,60 @@ def test_who_charges_at_the_start_drives_nowhere_first_and_a_doubtful_charge_is_
     todo.wait_for()
     told = todo.inner_text().replace("\u00a0", " ")
     first, second = told.split(" No other ")
-    assert first == "Charge here first, at “Halbweg”, for 12 min, from 13 % to 45 %."
+    assert first == "Charge here, at “Halbweg”, for 12 min, from 13 % to 45 %."
     assert second == "charging station is safely in reach."
     label = page.locator(".verdict .arrival .label").inner_text()
     assert label == "Battery on arrival, if you reach the charging stop"
+    assert page.locator(".headline ~ .todo").count() == 1
+    below = True  # then what to do comes before the figures
+    whole_answer(page, lambda: page.get_by_role("slider", name="Battery at departure").fill("8"))
+    page.get_by_role("heading", name="Charge here first, then you will arrive").wait_for()
+    assert page.locator(".todo ~ .headline").count() == 1
+    assert "The reserve counts only from the first" in page.locator(".verdict .reason").inner_text()
+    page.unroute("**/v1/journeys")
+
+
+def test_a_plan_with_fewer_stops_is_one_tap_away(page: Any) -> None:
+    def with_stops(route: Any) -> None:
+        answer = route.fetch().json()
+        if route.request.post_data_json.get("answers") is not False:
+            one, two = charging(answer, "fewest stops", 0.62, 20.0), charging(answer, "fastest", 0.45, 12.0)
+            (stop,) = two["stops"]
+            two["stops"] = [stop, stop | {"position_m": 1.1 * stop["position_m"]}]
+            answer["charging"], answer["charging_alternatives"] = two, [one]
+        route.fulfill(json=answer)
+
+    page.route("**/v1/journeys", with_stops)
+    whole_answer(page, lambda: page.get_by_role("slider", name="Battery at departure").fill("11"))
+    page.get_by_role("heading", name="You will arrive, with 2 charging stops").wait_for()
+    fewer = page.get_by_role("button", name="With 1 stop: 8\u00a0min longer")
+    fewer.click()
+    page.get_by_role("heading", name="You will arrive, with 1 charging stop").wait_for()
+    assert fewer.count() == 0
+    page.unroute("**/v1/journeys")
+
+
+def test_the_figures_of_a_way_back_are_those_of_its_end(page: Any, expected: list[str]) -> None:
+    expected.append("422")  # the advice about the way back
+    def one_way(route: Any) -> None:
+        body = route.request.post_data_json  # the router of these tests has one road
+        back = body.pop("round_trip", False)
+        body.pop("pause_s", None)
+        answer = route.fetch(post_data=json.dumps(body)).json()
+        for road in answer["roads"] if back else []:
+            road["stops"] = [{"position_m": road["distance_m"] / 2.0}]
+        route.fulfill(json=answer)
+
+    def labels() -> list[str]:
+        return page.locator(".verdict :is(.label, dt)").all_inner_texts()[:2]
+
+    page.route("**/v1/journeys", one_way)
+    plan(page)
+    page.locator(".todo:not(.old)").wait_for()
+    assert labels() == ["Battery on arrival", "Arrival"]
+    page.get_by_label("And back").press("Space")
+    page.locator(".todo:not(.old) li", has_text="At Ostheim at about").wait_for()
+    assert labels() == ["Battery when back", "Back at"]
     page.unroute("**/v1/journeys")
 
 
@@ -459,6 +513,16 @@ def test_who_reaches_no_station_is_told_not_to_set_out_and_then_what_to_do(page:
         answer["roads"] = [road | {"charging": None} for road in answer["roads"]]
         route.fulfill(json=answer)
 
+    def around(route: Any) -> None:
+        at = [(47.09, 8.91, "Eck"), (47.0, 9.11, "Nah")]  # from Westend, 12 and 8 km
+        by = float(re.findall("north=([0-9.]+)", route.request.url)[0]) - 47.0
+        near = [one for one in at if max(one[0] - 47.0, abs(one[1] - 9.0)) < by]
+        places = [
+            STATION | {"latitude_deg": lat, "longitude_deg": lon, "name": name} for lat, lon, name in near
+        ]
+        route.fulfill(json={"settlements": [], "stations": places, "attribution": ""})
+
+    page.route("**/v1/map/view**", around)
     page.route("**/v1/journeys", without_stops)
     whole_answer(page, lambda: page.get_by_role("slider", name="Battery at departure").fill("1"))
     title = re.compile("^Do not set out: the charge lasts about [0-9]+.km( .[0-9]+ to [0-9]+.km.)?$")
@@ -470,8 +534,11 @@ def test_who_reaches_no_station_is_told_not_to_set_out_and_then_what_to_do(page:
         "Charge to 30 % or more before you set out.",
         "If you cannot charge here, call for help.",
     ]
-    assert re.fullmatch("No charging stop was .* is [0-9.]+ km away in a straight line.", todo[2])
+    told = "No charging stop was .* charging station is Nah, 8.[0-9] km away in a straight line."
+    assert re.fullmatch(told, todo[2])
+    assert page.locator(".todo a").get_attribute("href") == "geo:47,9.11"
     page.unroute("**/v1/journeys")
+    page.unroute("**/v1/map/view**")
 
 
 def test_who_has_just_what_is_needed_is_told_so(page: Any) -> None:
@@ -482,7 +549,7 @@ def test_who_has_just_what_is_needed_is_told_so(page: Any) -> None:
 
     page.route("**/v1/journeys", just_enough)
     whole_answer(page, lambda: page.get_by_role("slider", name="Battery at departure").fill("83"))
-    page.get_by_text("Leave with 83\u00a0% or more.").wait_for()
+    page.get_by_text("83\u00a0% is enough. Do not leave with less.").wait_for()
     page.unroute("**/v1/journeys")
 
 

@@ -88,7 +88,7 @@ export type Feature = GeoJSON.Feature;
 const EMPTY: Collection = { type: "FeatureCollection", features: [] };
 const TILE_ZOOM = { minzoom: 4, maxzoom: 14 };
 /** Of what is fitted into view [px]: pins stand above their points, names reach to both sides, a pin has room beside the buttons at the right. */
-const PADDING = { top: 64, right: 88, bottom: 36, left: 60 };
+const PADDING = { top: 64, right: 100, bottom: 36, left: 60 };
 const MAX_FIT_ZOOM = 14;
 /** Zoom of the whole world, where nothing else is known. */
 const START_ZOOM = 3;

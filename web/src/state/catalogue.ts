@@ -50,11 +50,6 @@ function show(next: Trip, at: Conditions = next.start): void {
   });
 }
 
-/** The longest example. */
-function longest(rows: ExampleSummary[]): ExampleSummary | undefined {
-  return [...rows].sort((a, b) => b.distance_m - a.distance_m)[0];
-}
-
 async function whileLoading<T>(what: Loading, load: () => Promise<T>): Promise<T | null> {
   loading.value = what;
   try {
@@ -238,7 +233,7 @@ async function loadExamples(): Promise<void> {
 /** Show the longest example, unless there is a trip by then. */
 async function chooseFirstExample(): Promise<void> {
   await loadExamples();
-  const first = longest(examples.value);
+  const [first] = [...examples.value].sort((one, other) => other.distance_m - one.distance_m);
   if (first && source.value === "examples" && !trip.value) await chooseExample(first.trip);
 }
 

@@ -143,12 +143,16 @@ export function mergedJourney(
   };
 }
 
-/** How far the nearest charging station is from a place in a straight line, of those within 1°; null where none is known. */
-export async function nearestStationM(from: Place): Promise<number | null> {
+/** The charging station that is nearest to a place in a straight line, of those within 1°, and how far it is; null where none is known. */
+export async function nearestStation(from: Place) {
   const { latitude_deg: north, longitude_deg: east } = from;
   for (const by of [0.1, 0.3, 1]) {
     const view = await viewMap([north - by, east - by, north + by, east + by]).catch(() => null);
-    if (view?.stations.length) return Math.min(...view.stations.map((one) => metresBetween(one, from)));
+    const found = (view?.stations ?? []).map((of) => ({ of, farM: metresBetween(of, from) }));
+    const [nearest] = found.sort((one, other) => one.farM - other.farM);
+    // beyond the nearest side of the area, one outside of it may be nearer
+    const sideM = metresBetween({ latitude_deg: north, longitude_deg: east + by }, from);
+    if (nearest && (nearest.farM <= sideM || by === 1)) return nearest;
   }
   return null;
 }

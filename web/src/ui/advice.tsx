@@ -68,7 +68,8 @@ function longer({ difference: { duration_s } }: Advised): string {
 function wholeText({ duration_s, charges, p_reserve }: Whole, now: Whole): string {
   const { advice: words } = text.value;
   const { duration } = format.value;
-  const more = duration_s - now.duration_s;
+  const [then, before] = [duration_s, now.duration_s].map((s) => 60 * Math.round(s / 60)) as [number, number];
+  const more = then - before; // of the times as they are shown
   const isSame = Math.abs(more) < Math.max(SAME * now.duration_s, MIN_SHOWN_S);
   const change = isSame
     ? words.asLong

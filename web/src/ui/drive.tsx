@@ -6,9 +6,8 @@ import { arrived, distanceM, history, playing, RATES, rate, timeS, togglePlaying
 import { lengthM } from "../state/position";
 import { format, text, units } from "../state/preferences";
 import { Choice } from "./choice";
-import { Icon } from "./icons";
 import { HistoryTable } from "./tables";
-import { into, Stat } from "./parts";
+import { Button, into, Stat } from "./parts";
 
 export function DriveControls() {
   const { drive } = text.value;
@@ -21,10 +20,7 @@ export function DriveControls() {
       : ([drive.start, "play"] as const);
   return (
     <div class="drive-controls">
-      <button type="button" class="primary" onClick={togglePlaying}>
-        <Icon name={icon} />
-        {action}
-      </button>
+      <Button class="primary" icon={icon} onClick={togglePlaying} label={action} />
       <Choice
         label={drive.rate}
         class="small"

@@ -19,12 +19,8 @@ export function FaultList({ id, faults }: { id?: string; faults: Fault[] }) {
           {fault.where && problems.at(placeText(fault.where))}
           {fault.got && `: ${said(fault.got).text}`}
           {fault.allowed && !fault.what.endsWith(fault.allowed) && problems.allowed(said(fault.allowed).text)}
-          {fault.fix && (
-            <>
-              {". "}
-              <Said of={fault.fix} />
-            </>
-          )}
+          {fault.fix && ". "}
+          {fault.fix && <Said of={fault.fix} />}
         </li>
       ))}
       {faults.length > MAX_LISTED && <li>{problems.more(faults.length - MAX_LISTED)}</li>}

@@ -26,7 +26,7 @@ import { canPlan, planFromPage } from "../state/road-plan";
 import { trip } from "../state/trip";
 import { Chance } from "./chance";
 import { Icon } from "./icons";
-import { Button, IconButton, put, Stat, useModal } from "./parts";
+import { Button, IconButton, put, Row, Stat, useModal } from "./parts";
 import { chanceInFigures, clockText, endsOf, range, rangeWithUnit, tripTitle } from "./wording";
 import { Said } from "./said";
 import { Warnings } from "./warnings";
@@ -119,10 +119,12 @@ function PlanButton() {
   if (!canPlan.value || !trip.value) return null;
   return (
     <p>
-      <button type="button" class="primary" onClick={() => void planFromPage()}>
-        <Icon name="road" />
-        {words.usePlan(tripTitle(trip.value))}
-      </button>
+      <Button
+        class="primary"
+        icon="road"
+        onClick={() => void planFromPage()}
+        label={words.usePlan(tripTitle(trip.value))}
+      />
       {planFailed.value && (
         <span class="faults" role="alert">
           {" "}
@@ -213,8 +215,9 @@ function Car({ of }: { of: LiveCar }) {
   );
 }
 
-function ageText(seconds: number): string {
+function ageText(seconds: number | null): string {
   const { live: words } = text.value;
+  if (seconds === null) return words.noMessage;
   return seconds < 60 ? words.justNow : words.minutesAgo(Math.floor(seconds / 60));
 }
 
@@ -228,7 +231,7 @@ function Status() {
       {live.value && (
         <li class={isOld ? "old" : ""}>
           {quiet !== null && <Icon name={isOld ? "warning" : "check"} />}
-          {quiet === null ? words.noMessage : ageText(quiet)}
+          {ageText(quiet)}
         </li>
       )}
       <li class={link.value === "open" ? "" : "old"}>
@@ -239,6 +242,12 @@ function Status() {
   );
 }
 
+/** Close the view, and go on elsewhere. */
+const leaveFor = (next: () => void) => () => {
+  closeRoad();
+  next();
+};
+
 function Choose() {
   const { live: words } = text.value;
   const rows = roadCars.value;
@@ -248,21 +257,8 @@ function Choose() {
       <>
         <Empty title={words.noCar}>{words.noCarHint}</Empty>
         <div class="actions">
-          <Button
-            class="primary"
-            onClick={() => {
-              closeRoad();
-              beginJourney();
-            }}
-            label={words.plan}
-          />
-          <Button
-            onClick={() => {
-              closeRoad();
-              openOwnCars();
-            }}
-            label={text.value.ownCars.title}
-          />
+          <Button class="primary" onClick={leaveFor(beginJourney)} label={words.plan} />
+          <Button onClick={leaveFor(openOwnCars)} label={text.value.ownCars.title} />
         </div>
       </>
     );
@@ -270,18 +266,9 @@ function Choose() {
   return (
     <ul class="examples">
       {rows.map((row) => (
-        <li key={row.car}>
-          <button type="button" onClick={put(followed, row.car)}>
-            <span class="name">{labelOf(row.car)}</span>
-            <span class="figures">
-              {row.trip
-                ? words.onTrip
-                : row.seconds_since_message === null
-                  ? words.noMessage
-                  : ageText(row.seconds_since_message)}
-            </span>
-          </button>
-        </li>
+        <Row key={row.car} onClick={put(followed, row.car)} label={labelOf(row.car)}>
+          {row.trip ? words.onTrip : ageText(row.seconds_since_message)}
+        </Row>
       ))}
     </ul>
   );
@@ -301,10 +288,7 @@ export function LiveDrive() {
       <div class="heading">
         <h2 id="road-title">{followed.value ? labelOf(followed.value) : words.title}</h2>
         {several && <Button class="link" onClick={put(followed, "")} label={text.value.ownCars.all} />}
-        <button type="button" aria-pressed={night.value} onClick={toggleNight}>
-          <Icon name="moon" />
-          {words.night}
-        </button>
+        <Button icon="moon" aria-pressed={night.value} onClick={toggleNight} label={words.night} />
         <IconButton icon="close" label={text.value.close} onClick={closeRoad} />
       </div>
       {isOpen.value && (

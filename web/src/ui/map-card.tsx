@@ -44,7 +44,7 @@ import {
 import { positionM, selectedM } from "../state/position";
 import { dark, format, text, units } from "../state/preferences";
 import { trip } from "../state/trip";
-import { into, put, Tick } from "./parts";
+import { Button, into, put, Tick } from "./parts";
 import { StationList, StationPanel, Wishes } from "./station-panel";
 
 /** A place far from its road, among the flags of a journey. */
@@ -244,12 +244,8 @@ function MapCanvas({
     <div class="map-box">
       <div ref={box} class="map-canvas" />
       <div class="map-tools">
-        <button type="button" aria-label={words.zoomIn} onClick={() => made.value?.zoom(1)}>
-          +
-        </button>
-        <button type="button" aria-label={words.zoomOut} onClick={() => made.value?.zoom(-1)}>
-          −
-        </button>
+        <Button aria-label={words.zoomIn} onClick={() => made.value?.zoom(1)} label="+" />
+        <Button aria-label={words.zoomOut} onClick={() => made.value?.zoom(-1)} label="−" />
       </div>
       <p class="map-credit">{map.value?.attribution}</p>
     </div>

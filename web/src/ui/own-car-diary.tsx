@@ -111,7 +111,7 @@ function shownOnTheWay(of: DiaryEntry): string {
     half && words.halfWay(kwh(half.energy_wh)),
     last && last !== half && last !== first && words.atLast(kwh(last.energy_wh)),
   ]
-    .filter((part) => part !== undefined && part !== false)
+    .filter(Boolean)
     .join(" · ");
 }
 
@@ -324,7 +324,7 @@ export function OwnCarDiary({ of }: { of: OwnCar }) {
         </Fold>
       )}
       {of.in_diary === 0 ? (
-        <p>{words.nothingYet}</p>
+        of.learning?.state !== "running" && <p>{words.nothingYet}</p>
       ) : (
         <>
           <h3 id="own-car-diary">{words.learnedFrom(of.in_diary)}</h3>

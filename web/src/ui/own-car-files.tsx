@@ -30,12 +30,8 @@ function Why({ of, faults }: { of: string; faults: Fault[] }) {
   return (
     <span class="why">
       {parts.join(": ")}
-      {first.fix && (
-        <>
-          {". "}
-          <Said of={first.fix} />
-        </>
-      )}
+      {first.fix && ". "}
+      {first.fix && <Said of={first.fix} />}
       {faults.length > 1 && ` ${text.value.problems.more(faults.length - 1)}`}
     </span>
   );

@@ -80,7 +80,7 @@ function Learnable({ preview, report }: { preview: Preview | null; report: Alike
         <p>{words.nothingToLearn}</p>
       )}
       {reasons.length > 0 && (
-        <Fold title={lost.join(" · ") || words.notes(reasons.length)}>
+        <Fold title={lost.join(" · ") || text.value.verdict.reasons(reasons.length)}>
           <Reasons of={reasons} />
         </Fold>
       )}

@@ -26,21 +26,16 @@ import { FaultList } from "./faults";
 import { OwnCarDiary } from "./own-car-diary";
 import { OwnCarLogs } from "./own-car-logs";
 import { ToPhone } from "./to-phone";
-import { Button, Fold, IconButton, put, Submit, submitting, useModal } from "./parts";
+import { Button, Fold, IconButton, put, Row, Submit, submitting, useModal } from "./parts";
 
 function List() {
   const { ownCars: words } = text.value;
   return (
     <ul class="examples">
       {(ownCars.value ?? []).map((row) => (
-        <li key={row.name}>
-          <button type="button" onClick={() => void showCar(row.name)}>
-            <span class="name">{row.label}</span>
-            <span class="figures">
-              {row.title} · {words.inDiary(row.in_diary)}
-            </span>
-          </button>
-        </li>
+        <Row key={row.name} onClick={() => void showCar(row.name)} label={row.label}>
+          {row.title} · {words.inDiary(row.in_diary)}
+        </Row>
       ))}
       {Object.entries(damagedCars.value).map(([name, faults]) => (
         <li key={name}>
@@ -106,7 +101,7 @@ function Shown({ of }: { of: OwnCar }) {
       <div class="actions start">
         <Button
           class={isUsed || !isBetter(of) || logs.value?.car === of.name ? "" : "primary"}
-          disabled={isUsed}
+          disabled={isUsed || learns.value}
           onClick={() => {
             chooseOwn(of);
             isOpen.value = false;

@@ -27,12 +27,13 @@ export function submitting(read: (form: HTMLFormElement) => void) {
   };
 }
 
-type ButtonProps = ButtonHTMLAttributes & { label: string };
+type ButtonProps = ButtonHTMLAttributes & { label: string; icon?: IconName };
 
-/** A button with a text, which sends no form. */
-export function Button({ label, ...rest }: ButtonProps) {
+/** A button with a text, which sends no form; an icon stands before it. */
+export function Button({ label, icon, ...rest }: ButtonProps) {
   return (
     <button type="button" {...rest}>
+      {icon && <Icon name={icon} />}
       {label}
     </button>
   );
@@ -91,6 +92,18 @@ export function IconButton({ icon, label, ...rest }: ButtonProps & { icon: IconN
     <button type="button" class="quiet" aria-label={label} title={label} {...rest}>
       <Icon name={icon} />
     </button>
+  );
+}
+
+/** A row of a list to choose from: its name, and figures beside it. */
+export function Row({ label, children, ...rest }: ButtonProps) {
+  return (
+    <li>
+      <button type="button" {...rest}>
+        <span class="name">{label}</span>
+        <span class="figures">{children}</span>
+      </button>
+    </li>
   );
 }
 

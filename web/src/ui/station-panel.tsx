@@ -107,26 +107,24 @@ export function Wishes() {
   const { avoid: avoided, networks } = choice.value;
   const { map: words } = text.value;
   if (avoided.length + networks.length === 0) return null;
+  const wishes = [
+    ...avoided.map((one) => ({
+      wish: words.avoided(one.name),
+      label: `${words.useAgain}: ${one.name}`,
+      onClick: () => useAgain(one),
+    })),
+    ...networks.map((one) => ({
+      wish: words.preferred(one),
+      label: words.noPreference(one),
+      onClick: () => prefer(one, false),
+    })),
+  ];
   return (
     <ul class="wishes">
-      {avoided.map((station) => (
-        <li key={`${station.latitude_deg} ${station.longitude_deg}`}>
-          {words.avoided(station.name)}
-          <IconButton
-            icon="close"
-            label={`${words.useAgain}: ${station.name}`}
-            onClick={() => useAgain(station)}
-          />
-        </li>
-      ))}
-      {networks.map((network) => (
-        <li key={network}>
-          {words.preferred(network)}
-          <IconButton
-            icon="close"
-            label={words.noPreference(network)}
-            onClick={() => prefer(network, false)}
-          />
+      {wishes.map(({ wish, ...rest }, k) => (
+        <li key={k}>
+          {wish}
+          <IconButton icon="close" {...rest} />
         </li>
       ))}
     </ul>

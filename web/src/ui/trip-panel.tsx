@@ -23,7 +23,7 @@ import { LinksForm } from "./links-form";
 import { NumberField } from "./number-field";
 import { tripTitle } from "./wording";
 import { Said } from "./said";
-import { Button } from "./parts";
+import { Button, Row } from "./parts";
 
 const MAX_BYTES = 4_000_000;
 const START_M_S = 50 / 3.6;
@@ -37,20 +37,16 @@ function Examples() {
   return (
     <ul class="examples">
       {examples.value.map((row) => (
-        <li key={row.trip}>
-          <button
-            type="button"
-            aria-pressed={trip.value?.example === row.trip}
-            onClick={() => void chooseExample(row.trip)}
-          >
-            <span class="name">{row.title}</span>
-            <span class="figures">
-              {shown(row.distance_m, units.value.distance, 0)}
-              {row.ambient_temperature_degc !== null &&
-                ` · ${shown(row.ambient_temperature_degc, units.value.temperature)}`}
-            </span>
-          </button>
-        </li>
+        <Row
+          key={row.trip}
+          aria-pressed={trip.value?.example === row.trip}
+          onClick={() => void chooseExample(row.trip)}
+          label={row.title}
+        >
+          {shown(row.distance_m, units.value.distance, 0)}
+          {row.ambient_temperature_degc !== null &&
+            ` · ${shown(row.ambient_temperature_degc, units.value.temperature)}`}
+        </Row>
       ))}
     </ul>
   );

@@ -2,13 +2,14 @@
 
 import { computed } from "@preact/signals";
 import { useEffect, useState } from "preact/hooks";
-import type { Forecast, Place, Stop } from "../api/documents";
+import type { ChargingPlan, Forecast, Place, Station, Stop } from "../api/documents";
 import { type Answer, BELOW, decisiveChance, isDoubtful, verdictOfAnswer } from "../model/answer";
 import { emptyAfterM, socFromEnergy, type Verdict } from "../model/arrival";
 import { warningsOf } from "../model/flags";
 import { HERE_M } from "../model/stations";
 import { ENERGY, PERCENT } from "../model/units";
 import { source } from "../state/catalogue";
+import { car } from "../state/car";
 import { conditions } from "../state/conditions";
 import {
   answer,
@@ -22,7 +23,16 @@ import {
 import { advice } from "../state/advice";
 import { arrived, driving, shownForecast } from "../state/drive";
 import { alternative, leaving, leavingIsOld, mode, problem, requested } from "../state/forecast";
-import { answersAreOld, chargingPlans, chosenRoad, journey, map, nearestStationM } from "../state/journey";
+import {
+  answersAreOld,
+  chargingPlans,
+  chosenCharging,
+  chosenRoad,
+  journey,
+  map,
+  nearestStation,
+} from "../state/journey";
+import { ownCars } from "../state/own-cars";
 import { format, text, units } from "../state/preferences";
 import { trip } from "../state/trip";
 import { togetherText } from "./advice";
@@ -31,7 +41,7 @@ import { Climb } from "./climb";
 import { CompareLine } from "./compare";
 import { Failure, Waiting } from "./failure";
 import { NeedAnswer, needSentence, needVerdict } from "./need";
-import { Stat } from "./parts";
+import { Button, put, Stat } from "./parts";
 import { ShareTools } from "./share";
 import { Warnings } from "./warnings";
 import { chanceInFigures, clockParts, range, rangeWithUnit, upwards } from "./wording";
@@ -77,6 +87,9 @@ function sentence(now: Answer): string {
   const of = isStuck.value ? shownForecast.value : null;
   const emptyM = of && emptyAfterM(of);
   if (of && emptyM !== null) return words.doNotSetOut(lastsText(of, emptyM));
+  const [first] = reasonOfJourney() === BELOW ? (chargingPlan.value?.stops ?? []) : [];
+  if (first && shownVerdict(now) === "good")
+    return first.position_m < HERE_M ? words.hereFirst : words.thereFirst(farText(first.position_m));
   const isRound = (trip.value?.pauseS ?? null) !== null;
   const stops = now.charges > 0 ? words.withStops(now.charges) : "";
   if (shownVerdict(now) === "good") return (isRound ? words.arrivesBack : words.arrives) + stops;
@@ -128,7 +141,7 @@ function Whole({ now, isEmpty }: { now: Answer; isEmpty: boolean }) {
   return (
     <dl class="whole">
       {at && !isEmpty && (
-        <Stat label={words.arrivesAt}>
+        <Stat label={turn.value ? words.backAt : words.arrivesAt}>
           {time}
           {day && <small>{day}</small>}
           {at.isNow && <small>{words.leavingNow}</small>}
@@ -169,7 +182,8 @@ function Headline({ of, now }: { of: Forecast; now: Answer }) {
   const { result } = text.value;
   const { figure } = format.value;
   const { reserve } = requested.value.at;
-  const label = isDoubtful(now) ? result.onArrivalIf(now.charges) : result.onArrival;
+  const onArrival = turn.value ? result.whenBack : result.onArrival;
+  const label = isDoubtful(now) ? result.onArrivalIf(now.charges) : onArrival;
   const detail = measured ? result.measured : result.inTrips(rangeWithUnit(now.interval, PERCENT));
   const chance = !measured && (
     <Chance
@@ -225,37 +239,52 @@ function clockAfter(s: number): [string, string] {
   return clockParts(new Date(leaves.getTime() + s * 1000), leaves);
 }
 
+/** A distance to drive. */
+function farText(farM: number): string {
+  return format.value.shown(farM, units.value.distance, farM < NEAR_M ? 1 : 0);
+}
+
+/** The name of a station, for an app that leads there. */
+function StationLink({ of: { name, latitude_deg, longitude_deg } }: { of: Station }) {
+  const { journey: words } = text.value;
+  return (
+    <a href={`geo:${latitude_deg},${longitude_deg}`} title={words.navigate}>
+      {name || words.unnamedStation}
+    </a>
+  );
+}
+
 /** Drive so far, charge so long. */
 function StopText({ of, fromM }: { of: Stop; fromM: number }) {
   const { shown, span } = format.value;
   const { journey: words } = text.value;
-  const { name, latitude_deg, longitude_deg } = of.station;
-  const farM = of.position_m - fromM;
-  const far = shown(farM, units.value.distance, farM < NEAR_M ? 1 : 0);
   const [arrival = "", leave = ""] = [of.soc_arrival, of.soc_leave].map((soc) => shown(soc, PERCENT));
   const at = clockAfter(of.arrives_after_s);
   const isHere = of.position_m < HERE_M;
   return (
     <>
-      {isHere ? words.chargeHere : words.driveTo(far)}
-      <a href={`geo:${latitude_deg},${longitude_deg}`} title={words.navigate}>
-        {name || words.unnamedStation}
-      </a>
+      {isHere ? words.chargeHere : words.driveTo(farText(of.position_m - fromM))}
+      <StationLink of={of.station} />
       {(isHere ? words.forHere : words.forThere)(span(of.charging_s), arrival, leave, ...at)}
     </>
   );
 }
 
-/** The first charging stop, with the others behind it. */
-function Stops({ of: [first, ...others] }: { of: Stop[] }) {
+/** The first charging stop, with the others behind it, and the plan that has fewer of them. */
+function Stops({ of: { stops, duration_s } }: { of: ChargingPlan }) {
+  const [first, ...others] = stops;
+  const { journey: words } = text.value;
+  const plans = chargingPlans.value;
+  const { duration } = format.value;
+  const fewer = plans.find((plan) => plan.stops.length < stops.length);
   if (!first) return null;
   return (
     <li>
       <StopText of={first} fromM={0} />
-      {!first.if_full && ` ${text.value.journey.noOther}`}
+      {!first.if_full && ` ${words.noOther}`}
       {others.length > 0 && (
         <details>
-          <summary>{text.value.journey.moreStops(others.length)}</summary>
+          <summary>{words.moreStops(others.length)}</summary>
           <ol start={2}>
             {others.map((stop, k) => (
               <li key={stop.position_m}>
@@ -265,20 +294,35 @@ function Stops({ of: [first, ...others] }: { of: Stop[] }) {
           </ol>
         </details>
       )}
+      {fewer && (
+        <Button
+          class="link"
+          onClick={put(chosenCharging, plans.indexOf(fewer))}
+          label={words.fewer(
+            words.stops(fewer.stops.length),
+            words.longer(duration(fewer.duration_s - duration_s)),
+          )}
+        />
+      )}
     </li>
   );
 }
 
-/** That no charging stop helps, and how far the nearest station is. */
+/** That no charging stop helps, and which station is the nearest. */
 function NoStop({ from }: { from: Place }) {
-  const [farM, setFar] = useState<number | null>(null);
-  useEffect(() => void nearestStationM(from).then(setFar), [from]);
+  const [nearest, setNearest] = useState<Awaited<ReturnType<typeof nearestStation>>>(null);
+  useEffect(() => void nearestStation(from).then(setNearest), [from]);
   const { journey: words } = text.value;
   if (map.value?.stations === 0) return <>{words.noStations}</>;
-  const far = farM !== null && format.value.shown(farM, units.value.distance, farM < NEAR_M ? 1 : 0);
   return (
     <>
-      {words.noStopHelps} {far && words.nearest(far)}
+      {words.noStopHelps}{" "}
+      {nearest && (
+        <>
+          {words.nearest} <StationLink of={nearest.of} />
+          {words.straight(farText(nearest.farM))}
+        </>
+      )}
     </>
   );
 }
@@ -316,7 +360,7 @@ function ToDo({ of }: { of: Forecast }) {
   ];
   return (
     <ul class={`journey-answer todo${isOld ? " old" : ""}`} aria-busy={isOld}>
-      {plan && <Stops of={plan.stops} />}
+      {plan && <Stops of={plan} />}
       {texts.map((one, k) => one && <li key={k}>{one}</li>)}
     </ul>
   );
@@ -333,6 +377,7 @@ function HowSure({ of, now }: { of: Forecast; now: Answer }) {
   const flags = [...ofRoad, ...(journey.value?.flags ?? [])];
   const count = warningsOf(flags, wording).length;
   const planned = trip.value?.links ?? trip.value?.stops;
+  const own = ownCars.value?.find(({ name }) => name === car.value?.own);
   return (
     <>
       {isOpen && <Warnings flags={flags} others={others} serious />}
@@ -342,7 +387,8 @@ function HowSure({ of, now }: { of: Forecast; now: Answer }) {
           {count > 0 && ` · ${words.reasons(count)}`}
         </summary>
         <p class="given">
-          {planned ? result.givenPlanned : result.givenDriven} <Climb of={of} />
+          {planned ? result.givenPlanned : result.givenDriven} <Climb of={of} />{" "}
+          {own && `${text.value.ownCars.learnedFrom(own.in_diary)}.`}
         </p>
         <Warnings flags={flags} others={others} serious={isOpen ? false : null} />
       </details>
@@ -361,6 +407,8 @@ export function VerdictCard() {
   const isOther = !isDistance && isOfOtherPlaces.value;
   const isCompared = mode.value === "compare" && alternative.value !== null;
   const isSettled = !isOther && !isLate.value && !isLookingForStops.value;
+  const toDo = shown && !isOther && !isLookingForStops.value && <ToDo of={of} />;
+  const actsFirst = reasonOfJourney() === BELOW; // with so little, what to do comes before the figures
   const said = isDistance ? needSentence() : shown && !isCompared && !isOther ? sentence(now) : words.title;
   return (
     <section
@@ -376,8 +424,9 @@ export function VerdictCard() {
       {isOther && <p class="other">{words.otherPlaces(trip.value?.title ?? "")}</p>}
       {isDistance && <NeedAnswer />}
       {shown && isCompared && alternative.value && <CompareLine first={of} second={alternative.value} />}
+      {actsFirst && toDo}
       {shown && !isCompared && !isLookingForStops.value && <Headline of={of} now={now} />}
-      {shown && !isOther && !isLookingForStops.value && <ToDo of={of} />}
+      {!actsFirst && toDo}
       {shown && !isLookingForStops.value && <HowSure of={of} now={now} />}
       {shown && isLookingForStops.value && <Whole now={now} isEmpty />}
       {!shown && !isDistance && !problem.value && <Waiting />}
