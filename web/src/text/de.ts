@@ -641,14 +641,14 @@ const de: Text = {
   ownCars: {
     title: "Ihre Autos",
     intro:
-      "Ein Auto lernt aus seinen eigenen Fahrten: Mit den Logs einer beliebigen App werden seine Prognosen sicherer. Alles bleibt auf dem Rechner dieses Dienstes.",
+      "Ein Auto lernt aus seinen eigenen Fahrten: Fügen Sie die Logs einer beliebigen App hinzu. Je mehr und je längere Fahrten, desto besser die Prognosen. Alles bleibt auf dem Rechner dieses Dienstes.",
     all: "Alle Autos",
     newCar: "Auto hinzufügen",
     newCarNote: "Es beginnt mit den veröffentlichten Werten seines Modells.",
     name: "Name",
     make: "Hinzufügen",
     inDiary: each({ one: "aus # Fahrt gelernt", other: "aus # Fahrten gelernt" }),
-    use: "Für Prognosen verwenden",
+    use: "Für Prognosen nutzen",
     used: "In Verwendung",
     forget: "Löschen …",
     forgetAsk: (name) => `${name} mit allen Logs, dem Modell und dem Tagebuch löschen?`,

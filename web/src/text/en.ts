@@ -638,7 +638,7 @@ export const en = {
   ownCars: {
     title: "Your cars",
     intro:
-      "A car learns from its own trips: add the logs of any app, and its forecasts become more certain. Everything stays on the computer of this service.",
+      "A car learns from its own trips: add the logs of any app. The more trips, and the longer, the better its forecasts. Everything stays on the computer of this service.",
     all: "All cars",
     newCar: "Add a car",
     newCarNote: "It starts with the published values of its model.",
