@@ -485,6 +485,7 @@ def test_a_plan_with_fewer_stops_is_one_tap_away(page: Any) -> None:
 
 def test_the_figures_of_a_way_back_are_those_of_its_end(page: Any, expected: list[str]) -> None:
     expected.append("422")  # the advice about the way back
+
     def one_way(route: Any) -> None:
         body = route.request.post_data_json  # the router of these tests has one road
         back = body.pop("round_trip", False)
