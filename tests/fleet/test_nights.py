@@ -11,17 +11,8 @@ from tests.fleet.rows import table_rows, year_of_rows
 
 import tripwatt as tw
 from tripwatt.errors import InvalidInput
-from tripwatt.fleet.nights import (
-    EFFICIENCY,
-    Cold,
-    coldest_week,
-    emhass,
-    evcc,
-    needs_by_car,
-    needs_by_hour,
-    night_document,
-    read_planned,
-)
+from tripwatt.fleet.charging import EFFICIENCY, Depot, Night, emhass, evcc
+from tripwatt.fleet.nights import Cold, coldest_week, needs_by_car, needs_by_hour, read_planned
 from tripwatt.roads.journey import need
 
 pytest.importorskip("deltalake", reason="needs the extra tripwatt[fleet]")
@@ -72,9 +63,10 @@ def test_trips_of_one_hour_are_one_row_and_the_hours_add_up(needs):
     assert first["departs_at"] == dt.datetime(2026, 1, 12, 7, 10, tzinfo=ZONE)
     assert first["arrives_at"] > dt.datetime(2026, 1, 12, 8, 0, tzinfo=ZONE)
     assert first["soc_needed"] > later["soc_needed"] > 0.0
-    taken = first["soc_needed"] - later["soc_needed"]
-    assert first["charge_wh"] == pytest.approx((taken - 0.15) / taken * first["energy_quantile_wh"])
-    assert later["charge_wh"] == pytest.approx(later["energy_quantile_wh"])
+    alone = first["energy_quantile_wh"] / first["wh_per_soc"]
+    assert first["charge_wh"] == pytest.approx((alone - 0.15) * first["wh_per_soc"])
+    assert later["charge_wh"] == pytest.approx((first["soc_needed"] - alone) * later["wh_per_soc"])
+    assert alone < first["soc_needed"] < alone + later["soc_needed"], "single trips err on their own"
     assert (needs["energy_quantile_wh"] > needs["energy_wh"]).all()
 
 
@@ -124,8 +116,12 @@ def test_every_trip_that_cannot_be_forecast_is_named(fleet, tmp_path):
     assert faults_of(read_planned, tmp_path / "none.csv")[0][1] == f"{tmp_path / 'none.csv'}"
 
 
+def loads(needs, at=EVENING, charger_w=7400.0, minutes=30):
+    return emhass(Depot(at, charger_w).windows(needs), at, dt.timedelta(minutes=minutes))
+
+
 def test_emhass_charges_between_the_trips(needs):
-    load = emhass(needs, EVENING, 7400.0)
+    load = loads(needs)
     assert load["vehicles"] == ["V00000", "V00000"]
     assert load["end_timesteps_of_each_deferrable_load"] == [26, 40]
     arrives = needs.loc[0, "arrives_at"]
@@ -142,7 +138,7 @@ def test_emhass_charges_between_the_trips(needs):
     assert ((hours >= wanted) & (hours < wanted + 0.5)).all()
     assert load["begins_at"] == "2026-01-11T18:00:00+01:00"
     assert load["prediction_horizon"] == 40
-    assert faults_of(emhass, needs, EVENING + dt.timedelta(hours=15), 7400.0) == [
+    assert faults_of(loads, needs, EVENING + dt.timedelta(hours=15)) == [
         ("departs before the charging begins", "V00000")
     ]
 
@@ -154,7 +150,7 @@ def test_a_load_has_the_smaller_power_of_charger_and_car(charger_w, power_w):
     """A car that takes 6.6 kW from a socket and 50 kW with direct current."""
     row = {"vehicle_id": "V1", "departs_at": EVENING + dt.timedelta(hours=9), "arrives_at": EVENING}
     table = pd.DataFrame([row | {"charge_wh": 9000.0, "alternating_w": 6600.0, "direct_w": 50e3}])
-    load = emhass(table, EVENING, charger_w, 60.0)
+    load = loads(table, EVENING, charger_w, 1)
     assert load["nominal_power_of_deferrable_loads"] == [power_w]
     hours = 9000.0 / (EFFICIENCY * power_w)
     assert 0.0 <= load["operating_hours_of_each_deferrable_load"][0] - hours < 1.0 / 60.0
@@ -181,8 +177,9 @@ def test_a_load_of_emhass_by_hand():
     ]
     table = pd.DataFrame(rows, columns=["vehicle_id", "departs_at", "arrives_at", "charge_wh"])
     table[["alternating_w", "direct_w"]] = 11_000.0, 50_000.0
-    assert emhass(table, EVENING, 7400.0) == {
+    assert loads(table) == {
         "begins_at": "2026-01-11T18:00:00+01:00",
+        "optimization_time_step": 30,
         "prediction_horizon": 10,
         "number_of_deferrable_loads": 2,
         "nominal_power_of_deferrable_loads": [7400.0, 7400.0],
@@ -191,13 +188,13 @@ def test_a_load_of_emhass_by_hand():
         "end_timesteps_of_each_deferrable_load": [0, 10],
         "vehicles": ["V1", "V1"],
     }
-    hourly = emhass(table[1:], EVENING + hour, 7400.0, 3600.0)
+    hourly = loads(table[1:], EVENING + hour, minutes=60)
     assert hourly["start_timesteps_of_each_deferrable_load"] == [0]
     assert hourly["end_timesteps_of_each_deferrable_load"] == [4]
-    nothing = emhass(table[2:], EVENING, 7400.0)
+    nothing = loads(table[2:])
     assert (nothing["prediction_horizon"], nothing["vehicles"]) == (1, [])
     late = EVENING + dt.timedelta(seconds=1)
-    assert faults_of(emhass, table, late, 7400.0) == [("departs before the charging begins", "V1")]
+    assert faults_of(loads, table, late) == [("departs before the charging begins", "V1")]
 
 
 def test_evcc_rounds_up_to_a_percent_and_at_most_to_a_full_battery():
@@ -216,7 +213,7 @@ def test_evcc_has_a_plan_for_the_first_departure_of_each_vehicle(needs):
 
 
 def test_the_document_is_json_with_null_for_what_is_not_known(needs):
-    document = night_document(needs, EVENING, 7400.0)
+    document = Night(needs, Depot(EVENING, 7400.0)).document
     assert json.loads(json.dumps(document, allow_nan=False)) == document
     unknown = document["needs"][-1]
     assert (unknown["vehicle_id"], unknown["soc"], unknown["charge_wh"]) == ("V00002", None, None)
@@ -316,4 +313,4 @@ def test_a_trip_that_cannot_be_forecast_leaves_the_others(fleet, planned, needs,
     nobody = [trip for trip in read_planned(file) if trip.vehicle_id == "nobody"]
     nothing = needs_by_hour(fleet[2], nobody, refused=refused)
     assert (len(nothing), list(nothing), len(refused)) == (0, list(needs), 2)
-    assert night_document(nothing, EVENING, 7400.0)["evcc"] == []
+    assert Night(nothing, Depot(EVENING, 7400.0)).document["evcc"] == []

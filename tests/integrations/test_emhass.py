@@ -17,7 +17,7 @@ from tests.server.http.test_charge_planning import PAGE, answered, configuration
 from tests.server.http.test_live import Served, jobs, served
 from tests.support import ROOT
 
-from tripwatt.fleet.nights import EFFICIENCY, emhass
+from tripwatt.fleet.charging import EFFICIENCY, Depot, emhass
 
 __all__ = ["jobs", "served"]
 
@@ -100,7 +100,7 @@ def test_emhass_charges_the_vehicles_of_a_fleet_between_their_trips(tmp_path: Pa
     needs = pd.DataFrame(rows, columns=["vehicle_id", "departs_at", "arrives_at", "charge_wh"])
     needs[["alternating_w", "direct_w"]] = 11_000.0, 50_000.0
     needs[["departs_at", "arrives_at"]] = begins + needs[["departs_at", "arrives_at"]].map(lambda h: h * hour)
-    request = emhass(needs, begins, 7400.0)
+    request = emhass(Depot(begins, 7400.0).windows(needs), begins)
     steps = request["prediction_horizon"]
     assert (steps, request["operating_hours_of_each_deferrable_load"]) == (22, [0.5, 1.5])
     plan = planned(tmp_path, request)

@@ -268,19 +268,22 @@ def report(
     reserve: shared.Reserve = 0.1,
     plug: Annotated[float, option("W", "Power of a charger.", min=1.0)] = 7400.0,
     begins: Annotated[str | None, option("TIME", "When charging may begin, such as 18:00; else now.")] = None,
+    grid: Annotated[float | None, option("KW", "Largest power of all chargers.", min=0.0)] = None,
+    tariff: Annotated[Path | None, option("FILE", "Prices a kWh: begins_at, price.")] = None,
 ) -> Answer:
     """Report which vehicles changed, since when and by which cause, and what planned trips need, as HTML, CSV and JSON.
 
-    With --planned the folder has needs.csv, emhass.json and evcc.txt as well, for the management of charging. The exit code is 1
-    if a planned trip cannot be forecast; the report has its reason and the needs of the others.
+    With --planned the folder has needs.csv, emhass.json and evcc.txt as well, for the management of charging; with --grid or --tariff
+    also schedule.csv, the cheapest schedule. The exit code is 1 if a planned trip cannot be forecast; the report has its reason and the needs of the others.
 
     For example:
 
       # which vehicles changed
       tripwatt fleet report fleet models
       # and what the trips of tomorrow need
-      tripwatt fleet report fleet models --planned tomorrow.csv --plug 11000
+      tripwatt fleet report fleet models --planned tomorrow.csv --plug 11000 --grid 60
     """
+    from tripwatt.fleet.charging import Depot, read_tariff
     from tripwatt.fleet.nights import read_planned
     from tripwatt.study.report.fleets import ManagerReport
 
@@ -295,8 +298,9 @@ def report(
     ahead = [trip for trip in trips if trip.departs_at >= min(now, at)]
     rows = _rows(fleet, fleet.place, fleet)
     asked: dict[str, Any] = {"probability": probability, "reserve": reserve, "coldest_degc": coldest}
-    result = ManagerReport.of(about, versions.load(), rows, ahead, drivers=drivers, **asked)
-    document = result.write(folder, at, plug)
+    depot = Depot(at, plug, grid and 1e3 * grid, {} if tariff is None else read_tariff(tariff))
+    result = ManagerReport.of(about, versions.load(), rows, ahead, depot, drivers=drivers, **asked)
+    document = result.write(folder)
     if drivers and result.drivers is None:
         print_notes(["no trip of the store names its driver, so that drivers cannot be compared"])
     if len(ahead) < len(trips):

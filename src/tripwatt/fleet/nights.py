@@ -8,35 +8,33 @@ from __future__ import annotations
 
 import datetime as dt
 import json
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from itertools import chain
 from pathlib import Path
 from typing import Any, Final, NamedTuple
-from urllib.parse import quote
 
+import numpy as np
 import pandas as pd
+from scipy import sparse
+from scipy.special import ndtr, ndtri
 
+from tripwatt.arrays import FloatArray, eigen
 from tripwatt.errors import Check, Fault, InvalidInput, places_within
 from tripwatt.fleet.batch import DEPARTURE_COLUMNS, flag_columns
+from tripwatt.fleet.features import FEATURES, trip_features
 from tripwatt.fleet.model import COLD_DEGC, FleetModel
 from tripwatt.fleet.statistics import TripRows
 from tripwatt.forecasting import Forecast, ForecastModel
 from tripwatt.forecasting.leaving import OF_CHARGE
+from tripwatt.hybrid.groups import GroupPosterior
 from tripwatt.roads.journey import ChargingCurve
 from tripwatt.roads.journey.distances import DISTANCES_KM, KindForecaster, trip_quantiles
 from tripwatt.roads.journey.kinds import UNKNOWN
-from tripwatt.roads.maps.stations import DIRECT_FROM_W
 from tripwatt.routes import route_from_links
 from tripwatt.sources.columnar import open_table
 from tripwatt.trips import LINK_COLUMNS, Departure, Plan, raise_faults
 from tripwatt.trips.columns import require_fraction, require_number
-from tripwatt.units import SECONDS_PER_HOUR
 from tripwatt.vehicles import Vehicle
-
-EFFICIENCY: Final = 0.9
-"""Share of the energy from an alternating-current charger that reaches the battery: a choice, because chargers lose about a tenth."""
 
 _MIN_TRIPS: Final = 10
 """Smallest number of trips with which the mean temperature of a week counts: a choice, because a few trips may be on its coldest day."""
@@ -46,9 +44,32 @@ POWERS: Final = ("alternating_w", "direct_w")
 
 _TEXT_COLUMNS: Final = ("vehicle_id", "trip", "departs_at", "car_model", "driver", "kind")
 _TRUTH_VALUES: Final = {"True": True, "False": False}
-_TAKEN_COLUMNS: Final = ("distance_m", "energy_wh", "energy_quantile_wh", "soc_taken")
-_NEED_COLUMNS: Final = ("vehicle_id", "car_model", "departs_at", "arrives_at", "trips", *_TAKEN_COLUMNS[:3], "soc_needed", "soc",
-                "charge_wh", *POWERS, "assumed", "reasons")  # fmt: skip
+_SD_LEVEL: Final = 0.9
+"""Least level of the quantile from which a standard deviation is computed: a choice, because lower ones have little of the spread."""
+_NIGHTS: Final = 4000
+"""Simulated nights: a choice, because a chance of 95 % then has a standard error of 0.35 points."""
+
+ERRORS: Final = tuple(f"error_{k}_wh" for k in range(3 * len(FEATURES) + 1))
+"""Columns of the changes of an energy by independent errors of one standard deviation [Wh]: of the weights of the fleet, of those of the
+car model, of those of the vehicle, and of the unknown outside temperature, which all vehicles share."""
+
+OF_ERRORS: Final = (*ERRORS, "own_wh2", "soc_per_wh", "wh_per_soc", "spare")
+"""Columns from which the chance of all vehicles together is computed."""
+
+_SUMMED: Final = ("trips", "distance_m", "energy_wh", *ERRORS, "own_wh2", "soc_taken", "soc_sd", "sd_wh")
+TRIP_COLUMNS: Final = (
+    "vehicle_id",
+    "hour",
+    "car_model",
+    "departs_at",
+    "arrives_at",
+    "soc",
+    *POWERS,
+    "flags",
+    *_SUMMED,
+)
+_NEED_COLUMNS: Final = ("vehicle_id", "car_model", "departs_at", "arrives_at", "trips", "distance_m", "energy_wh", "energy_quantile_wh",
+                "soc_needed", "soc", "chance", "charge_wh", *POWERS, "assumed", "reasons", *OF_ERRORS)  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,9 +86,7 @@ class PlannedTrip:
     kind : str
         Kind of road, used if `road` is a length.
     departure : Departure
-        What is known at departure, without the charge.
-    soc : float
-        Displayed charge now; NaN if it is not known.
+        What is known at departure; `soc` is the displayed charge now, which does not change the need.
     car_model, driver : str or None
     where : str
         Place of the trip in its table or request, which begins the place of every fault.
@@ -79,7 +98,6 @@ class PlannedTrip:
     road: Plan | float
     kind: str
     departure: Departure
-    soc: float
     car_model: str | None
     driver: str | None
     where: str = ""
@@ -87,7 +105,7 @@ class PlannedTrip:
     def forecast(self, model: ForecastModel, departure: Departure) -> Forecast:
         """Forecast the trip by the model of a car."""
         if isinstance(self.road, Plan):
-            return model.forecast(self.road, departure)
+            return model.forecast(self.road, replace(departure, soc=None))
         return KindForecaster.from_kind(model, departure, self.kind).forecast(1000.0 * self.road)
 
     def forecast_by(self, fleet: FleetModel) -> tuple[Vehicle, Forecast]:
@@ -147,22 +165,21 @@ def _trip_from_rows(rows: pd.DataFrame) -> PlannedTrip:
         road: Plan | float = route_from_links(fields).plan(trip_id=str(first["trip"]))
     else:
         road = require_number(f"{where}distance_km", first.get("distance_km"), *DISTANCES_KM)
-    known = {name: first[name] for name in DEPARTURE_COLUMNS if name in first and name != "soc"}
+    known = {name: first[name] for name in DEPARTURE_COLUMNS if name in first}
     return PlannedTrip(
         str(first["trip"]),
         str(first["vehicle_id"]),
-        _parse_time(str(first["departs_at"]), f"{where}departs_at"),
+        parse_time(str(first["departs_at"]), f"{where}departs_at"),
         road,
         str(first.get("kind", UNKNOWN)),
         Departure(**known),
-        require_fraction(f"{where}soc", first["soc"]) if "soc" in first else float("nan"),
         first.get("car_model"),
         first.get("driver"),
         where,
     )
 
 
-def _parse_time(text: str, where: str) -> dt.datetime:
+def parse_time(text: str, where: str) -> dt.datetime:
     """Read a time from its text; a text without a time zone is in the zone of this machine."""
     try:
         return dt.datetime.fromisoformat(text).astimezone()
@@ -176,7 +193,8 @@ def needs_by_hour(
 ) -> pd.DataFrame:  # fmt: skip
     """Compute the energy and charge that planned trips need, by vehicle and hour of departure. O(trips) forecasts.
 
-    The trips of a vehicle share the errors of the car, so that their quantiles are added.
+    Errors by fleet, car model, unknown weather and vehicle are the same on all trips of a vehicle. The rest of the error of a trip is
+    independent of that of others, as in the fleet's model.
 
     Parameters
     ----------
@@ -199,10 +217,15 @@ def needs_by_hour(
         - `soc_needed`: displayed charge to leave with for this hour and the later ones without charging in between. A value above 1
           means that a full battery does not suffice;
         - `soc`: displayed charge now;
+        - `chance`: probability that the charge now suffices for this hour and those before; NaN if `soc` is not known;
         - `charge_wh`: energy to charge for this hour beyond the need of the hours before [Wh]; NaN if `soc` is not known;
         - `alternating_w`, `direct_w`: highest power with which the car charges [W];
         - `assumed`: names of the values that the trips do not give;
-        - `reasons`: sentences on what was assumed and what limits the forecasts.
+        - `reasons`: sentences on what was assumed and what limits the forecasts;
+        - the columns `ERRORS`: changes of the energy by shared errors [Wh]; `own_wh2`: variance by the errors of single trips [Wh²];
+        - `soc_per_wh`: displayed charge per energy of an error [1/Wh]; `wh_per_soc`: energy per displayed charge [Wh];
+        - `spare`: expected displayed charge beyond the reserve after this hour if nothing is charged, for a vehicle that leaves with `soc`,
+          or with `soc_needed` if `soc` is not known.
 
     Raises
     ------
@@ -214,34 +237,156 @@ def needs_by_hour(
     check = Check()
     forecasts = [(trip, check(trip.forecast_by, model)) for trip in trips]
     (raise_faults if refused is None else refused.extend)(check.faults)
-    rows = []
-    for trip, (car, forecast) in (pair for pair in forecasts if pair[1] is not None):
-        (median_wh, quantile_wh), (_, soc_taken), duration_s = trip_quantiles(forecast, (0.5, probability))
-        times = trip.departs_at, trip.departs_at + dt.timedelta(seconds=duration_s)
-        taken = forecast.plan.distance_m, median_wh, quantile_wh, max(soc_taken, 1e-6)
-        hour = trip.departs_at.replace(minute=0, second=0, microsecond=0)
-        flags = [flag for flag in forecast.flags if flag.code not in OF_CHARGE]
-        most_w = ChargingCurve.from_vehicle(car, forecast.charge.wh_per_display).most_w
-        rows.append((trip.vehicle_id, car.name, hour, *times, trip.soc, *taken, *most_w, flags))
-    known = "vehicle_id", "car_model", "hour", "departs_at", "arrives_at", "soc"
-    columns = [*known, *_TAKEN_COLUMNS, *POWERS, "flags"]
-    table = pd.DataFrame(rows, columns=columns).astype(dict.fromkeys((*_TAKEN_COLUMNS, "soc"), float))
-    grouped = table.groupby(["vehicle_id", "hour"])
-    needs = grouped[list(_TAKEN_COLUMNS)].sum()
-    needs["trips"] = grouped.size()
-    lowest = ["car_model", "departs_at", *POWERS]
-    needs[lowest] = grouped[lowest].min()
-    needs["arrives_at"] = grouped["arrives_at"].max()
-    hourly_flags = [flag_columns(chain.from_iterable(flags)) for _, flags in grouped["flags"]]
-    needs = needs.join(pd.DataFrame(hourly_flags, needs.index, ["assumed", "reasons"])).reset_index()
-    soc_taken = needs.groupby("vehicle_id")["soc_taken"]
-    needs["soc"] = needs["vehicle_id"].map(table.groupby("vehicle_id")["soc"].first())
-    taken_so_far = soc_taken.cumsum()
-    needs["soc_needed"] = soc_taken.transform("sum") - taken_so_far + needs["soc_taken"] + reserve
-    missing = (taken_so_far + reserve - needs["soc"]).clip(lower=0.0)
-    before = missing.groupby(needs["vehicle_id"]).shift(fill_value=0.0)
-    needs["charge_wh"] = (missing - before) * needs["energy_quantile_wh"] / needs["soc_taken"]
+    rows = [_trip_need(model, trip, *pair, probability) for trip, pair in forecasts if pair is not None]
+    return add_up_needs(pd.DataFrame(rows, columns=TRIP_COLUMNS), probability, reserve)
+
+
+def _trip_need(
+    fleet: FleetModel, trip: PlannedTrip, car: Vehicle, forecast: Forecast, probability: float
+) -> tuple[Any, ...]:
+    """Return a row of `TRIP_COLUMNS`.
+
+    The standard deviation is that of a normal distribution with the median and the quantile of the forecast. Its shared parts are in
+    proportion to those of the forecast.
+    """
+    level = max(probability, _SD_LEVEL)
+    energies, (soc, soc_high), duration_s = trip_quantiles(forecast, (0.5, level))
+    sd_wh = float(np.diff(energies)[0] / ndtri(level))
+    is_air_unknown = any(flag.subject == "ambient_temperature_degc" for flag in forecast.flags)
+    group = car.name, trip.vehicle_id, trip.driver
+    group = car.name, trip.vehicle_id, trip.driver
+    weights = shared_errors(fleet.posterior, group, trip_features(forecast.drive.table)[0])
+    weights *= forecast.uncertainty.scale.values[3]
+    shared = np.append(weights, forecast.state_sd_wh * is_air_unknown)
+    shared *= sd_wh / max(forecast.sd_wh, float(np.linalg.norm(shared)), 1e-9)
+    own_wh2 = max(sd_wh**2 - float(shared @ shared), 0.0)
+    errors = *shared.tolist(), own_wh2, float(soc), float((soc_high - soc) / ndtri(level)), sd_wh
+    hour = trip.departs_at.replace(minute=0, second=0, microsecond=0)
+    times = trip.departs_at, trip.departs_at + dt.timedelta(seconds=duration_s)
+    flags = [flag for flag in forecast.flags if flag.code not in OF_CHARGE]
+    most_w = ChargingCurve.from_vehicle(car, forecast.charge.wh_per_display).most_w
+    known = trip.vehicle_id, hour, car.name, *times, trip.departure.soc, *most_w, flags
+    return *known, 1, forecast.plan.distance_m, float(energies[0]), *errors
+
+
+def shared_errors(posterior: GroupPosterior, group: tuple[str | None, ...], x: FloatArray) -> FloatArray:
+    """Return the changes of ``x' w``, for the weights `w` of a vehicle, by independent errors of one standard deviation.
+
+    Parameters
+    ----------
+    posterior : GroupPosterior
+    group : tuple of str or None
+        Car model, vehicle and driver; None for one that is not known.
+    x : ndarray, shape (features,)
+        Energy of the trip by each feature [Wh].
+
+    Returns
+    -------
+    ndarray, shape (3 * features,)
+        By the errors of the weights of the fleet, by those that a car model adds, and by those that the vehicle and its driver add [Wh].
+    """
+    levels = range(int(posterior.tree.level.max()) + 1)
+    prior = [posterior.scales.variances(level) for level in levels]
+    # without the deviations of the levels below
+    total = [posterior.weights(*group[:k])[1] - np.diag(sum(prior[k + 1 :], 0.0 * x)) for k in levels]
+    gains = [_gain(total[k], total[k - 1], prior[k]) for k in levels[1:]]
+    of_vehicle = np.linalg.multi_dot([*gains[:0:-1], np.eye(len(x)), np.eye(len(x))])
+    passed = (total[-1], of_vehicle), (total[1], gains[0]), (total[0], 0.0 * gains[0])
+    errors = []
+    for (covariance, gain), above in zip(passed, (total[1], total[0], total[0]), strict=True):
+        values, vectors = eigen(covariance - gain @ above @ gain.T)
+        errors.append(x @ vectors * np.sqrt(np.maximum(values, 0.0)))
+        x = gain.T @ x
+    return np.concatenate(errors[::-1])
+
+
+def _gain(covariance: FloatArray, above: FloatArray, prior: FloatArray) -> FloatArray:
+    """Return the gain `G` with which the error of a node passes on to its child, given the trips.
+
+    The child has an own error with a covariance `A` and, for the prior variances `D` of its deviation, ``G = A D^-1``. Its covariance is
+    ``A + G above G'``, a quadratic equation for `A`.
+    """
+    root = np.sqrt(np.maximum(prior, 1e-12))
+    scale = np.outer(root, root)
+    values, vectors = eigen(above / scale)
+    size = np.sqrt(np.maximum(values, 1e-12))
+    squares, turned = eigen((size[:, None] * vectors.T) @ (covariance / scale) @ (vectors * size))
+    half = (vectors / size) @ turned * np.sqrt(np.sqrt(np.maximum(squares, 0.0) + 0.25) - 0.5)
+    return np.asarray(half @ half.T * np.outer(root, 1.0 / root))
+
+
+def add_up_needs(trips: pd.DataFrame, probability: float, reserve: float) -> pd.DataFrame:
+    """Add up the needs of trips by vehicle and hour: a row for each trip with the columns `TRIP_COLUMNS`, as in `needs_by_hour`."""
+    how = dict.fromkeys(("flags", *_SUMMED), "sum")
+    how |= {"car_model": "first", "departs_at": "min", "arrives_at": "max", **dict.fromkeys(POWERS, "min")}
+    trips = trips.astype(dict.fromkeys((*_SUMMED[1:], "soc"), float))
+    needs = trips.groupby(["vehicle_id", "hour"]).agg(how)
+    flags = [flag_columns(listed) for listed in needs["flags"]]
+    needs = needs.join(pd.DataFrame(flags, needs.index, ["assumed", "reasons"])).reset_index()
+    vehicle, z = needs["vehicle_id"], float(ndtri(probability))
+    needs["soc"] = vehicle.map(trips.groupby("vehicle_id")["soc"].first())
+    shared = list(ERRORS)
+    needs["energy_quantile_wh"] = needs["energy_wh"] + z * _sd(needs[shared], needs["own_wh2"])
+    ratio = needs["soc_per_wh"] = needs["soc_sd"] / needs["sd_wh"].clip(lower=1e-9)
+    parts = needs[shared].mul(ratio, axis=0).assign(own=needs["own_wh2"] * ratio**2, soc=needs["soc_taken"])
+    so_far = parts.groupby(vehicle).cumsum()
+    ahead = parts.groupby(vehicle).transform("sum") - so_far + parts
+    taken, sd = so_far["soc"], _sd(so_far[shared], so_far["own"])
+    needs["soc_needed"] = ahead["soc"] + z * _sd(ahead[shared], ahead["own"]) + reserve
+    needs["spare"] = (
+        needs["soc"].fillna(needs.groupby("vehicle_id")["soc_needed"].transform("first")) - reserve - taken
+    )
+    needs["chance"] = pd.Series(ndtr(needs["spare"] / sd.clip(lower=1e-9)), needs.index).where(
+        needs["soc"].notna()
+    )
+    missing = (taken + z * sd + reserve - needs["soc"]).clip(lower=0.0)
+    before = missing.groupby(vehicle).shift(fill_value=0.0)
+    soc_quantile = parts["soc"] + z * _sd(parts[shared], parts["own"])
+    needs["wh_per_soc"] = needs["energy_quantile_wh"] / soc_quantile.clip(lower=1e-6)
+    needs["charge_wh"] = (missing - before) * needs["wh_per_soc"]
     return needs[list(_NEED_COLUMNS)]
+
+
+def _sd(shared: pd.DataFrame, variance: pd.Series) -> pd.Series:
+    """Return the standard deviation of rows by shared errors, which are independent of each other, and an own variance."""
+    return ((shared**2).sum(axis=1) + variance) ** 0.5
+
+
+def up_to_each(needs: pd.DataFrame) -> sparse.csr_matrix:
+    """Return the matrix that adds up the rows of a vehicle up to each row, shape (rows, rows)."""
+    ids = needs["vehicle_id"].to_numpy()
+    return sparse.csr_matrix(np.tril(ids[:, None] == ids).astype(float))
+
+
+def sum_up_depot(needs: pd.DataFrame, probability: float, charged_wh: FloatArray) -> dict[str, float]:
+    """Return the energy of all vehicles together, and the chance that all have enough, from `_NIGHTS` simulated nights.
+
+    Parameters
+    ----------
+    needs : DataFrame
+        Result of `needs_by_hour`.
+    probability : float
+    charged_wh : ndarray, shape (rows,)
+        Energy that the battery of each row's vehicle gets before the departure of the row [Wh].
+
+    Returns
+    -------
+    dict
+        `energy_wh` (median) and `energy_quantile_wh` of the sum [Wh], not the sum of quantiles; `chance` that every vehicle comes back
+        with the reserve each hour.
+    """
+    rng, shared = np.random.default_rng(0), needs[list(ERRORS)].to_numpy().T
+    error_wh = rng.standard_normal((_NIGHTS, len(needs))) * np.sqrt(needs["own_wh2"].to_numpy())
+    error_wh += rng.standard_normal((_NIGHTS, 1)) * shared[-1]
+    groups = pd.Series(0, needs.index), needs["car_model"], needs["vehicle_id"]
+    for group, loads in zip(groups, np.split(shared[:-1], 3), strict=True):
+        for rows in needs.groupby(group).indices.values():
+            error_wh[:, rows] += rng.standard_normal((_NIGHTS, len(loads))) @ loads[:, rows]
+    energy = needs["energy_wh"].sum() + np.quantile(error_wh.sum(axis=1), (0.5, probability))
+    more = up_to_each(needs) @ (error_wh * needs["soc_per_wh"].to_numpy()).T
+    left = (needs["spare"] + charged_wh / needs["wh_per_soc"]).to_numpy()[:, None] - more
+    names = "energy_wh", "energy_quantile_wh", "chance"
+    return dict(zip(names, (*energy.tolist(), float((left >= 0.0).all(axis=0).mean())), strict=True))
 
 
 class Cold(NamedTuple):
@@ -318,84 +463,6 @@ def needs_by_car(
         taken = ((car, trip_quantiles(trip.forecast(m, known), (probability,))) for car, m in models.items())
         needs[name] = {car: reserve + float(charge[0]) for car, (_, charge, _) in taken}
     return pd.DataFrame.from_dict(needs, orient="index", columns=names).rename_axis("trip").reset_index()
-
-
-def emhass(needs: pd.DataFrame, at: dt.datetime, charger_w: float, step_s: float = 1800.0) -> dict[str, Any]:
-    """Return the payload for EMHASS's `naive-mpc-optim`: one deferrable load per row with a positive `charge_wh`.
-
-    A load begins after the vehicle's trips of the hours before, and ends at its departure. `vehicles` names the vehicle of each load.
-    EMHASS counts steps from the time of the request, so the payload is to be posted at `begins_at`. EMHASS switches a load for whole
-    steps only, so the operating hours are rounded up to whole steps.
-
-    Parameters
-    ----------
-    needs : DataFrame
-        Result of `needs_by_hour`.
-    at : datetime
-        Beginning of the first step, with its time zone.
-    charger_w : float
-        Power of a charger [W]; that of a load is the smaller one of charger and car, of which the share `EFFICIENCY` reaches the battery. A
-        charger of more than 43 kW has direct current.
-    step_s : float
-        Length of a step [s].
-
-    Raises
-    ------
-    InvalidInput
-        If a vehicle that has to charge departs before `at`.
-
-    Examples
-    --------
-    >>> leaves = dt.datetime(2026, 1, 12, 7, 30, tzinfo=dt.UTC)
-    >>> powers = {"alternating_w": 11000.0, "direct_w": 50000.0}
-    >>> row = {"vehicle_id": "V1", "departs_at": leaves, "arrives_at": leaves, "charge_wh": 13320.0, **powers}
-    >>> load = emhass(pd.DataFrame([row]), leaves - dt.timedelta(hours=10), 7400.0)
-    >>> load["operating_hours_of_each_deferrable_load"], load["end_timesteps_of_each_deferrable_load"]
-    ([2.0], [20])
-    """
-    needs = needs.assign(after=needs.groupby("vehicle_id")["arrives_at"].shift(fill_value=at))
-    loads = needs[needs["charge_wh"] > 0.0]
-    rows = loads.to_dict("records")
-    departed = ((row["vehicle_id"], f"{row['departs_at']}") for row in rows if row["departs_at"] < at)
-    what = "departs before the charging begins"
-    fix = "let the charging begin earlier, or leave out what is driven already"
-    raise_faults(Fault(what, *row, f"later than {at}", fix) for row in departed)
-    steps = [[(row[name] - at).total_seconds() / step_s for name in ("after", "departs_at")] for row in rows]
-    last = [int(end) for _, end in steps]
-    step_h = step_s / SECONDS_PER_HOUR
-    power_w = loads[POWERS[charger_w >= DIRECT_FROM_W]].clip(upper=charger_w)
-    steps_needed = loads["charge_wh"] / (EFFICIENCY * power_w * step_h)
-    return {
-        "begins_at": at.isoformat(timespec="seconds"),
-        "prediction_horizon": max([*last, 1]),
-        "number_of_deferrable_loads": len(loads),
-        "nominal_power_of_deferrable_loads": power_w.tolist(),
-        "operating_hours_of_each_deferrable_load": [math.ceil(n - 1e-9) * step_h for n in steps_needed],
-        "start_timesteps_of_each_deferrable_load": [math.ceil(max(begin, 0.0)) for begin, _ in steps],
-        "end_timesteps_of_each_deferrable_load": last,
-        "vehicles": loads["vehicle_id"].tolist(),
-    }
-
-
-def evcc(needs: pd.DataFrame) -> list[str]:
-    """Return paths to post to evcc: one charging plan per vehicle, with the charge needed at its first departure.
-
-    Examples
-    --------
-    >>> leaves = dt.datetime(2026, 1, 12, 7, 30, tzinfo=dt.UTC)
-    >>> evcc(pd.DataFrame({"vehicle_id": ["V1"] * 2, "departs_at": [leaves] * 2, "soc_needed": [0.551, 0.3]}))
-    ['/api/vehicles/V1/plan/soc/56/2026-01-12T07:30:00Z']
-    """
-    return [
-        f"/api/vehicles/{quote(str(row['vehicle_id']), safe='')}/plan/soc/{min(math.ceil(100.0 * row['soc_needed'] - 1e-9), 100)}/"
-        f"{row['departs_at'].astimezone(dt.UTC):%Y-%m-%dT%H:%M:%SZ}"
-        for row in needs.drop_duplicates("vehicle_id").to_dict("records")
-    ]
-
-
-def night_document(needs: pd.DataFrame, at: dt.datetime, charger_w: float) -> dict[str, Any]:
-    """Return the needs of a night as data: the rows of `needs_by_hour`, the payload of `emhass`, and the paths of `evcc`."""
-    return {"needs": records(needs), "emhass": emhass(needs, at, charger_w), "evcc": evcc(needs)}
 
 
 def records(table: pd.DataFrame) -> list[dict[str, Any]]:

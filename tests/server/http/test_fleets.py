@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import datetime as dt
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -153,25 +154,50 @@ def test_the_night_of_a_fleet_is_that_of_the_library(fleet: Any, registry: Regis
     assert answer["evcc"][0].startswith("/api/vehicles/V00000/plan/soc/")
 
 
-def test_faults_of_a_night_name_the_trip(registry: Registry) -> None:
+def test_a_trip_with_a_fault_is_left_out_with_its_place(registry: Registry) -> None:
+    jobs = jobs_of(registry)
+    alone = asked(jobs, trips=night()["trips"][:1])
+
+    def refused(change: dict[str, Any]) -> tuple[str, str]:
+        one, other = night()["trips"]
+        answer = asked(jobs, trips=[one, {**other, **change}])
+        NightResponse.model_validate(answer)
+        (fault,) = answer["refused"]
+        assert {**answer, "refused": []} == alone
+        return fault["what"], fault["where"]
+
+    assert refused({"car": "nobody"}) == ("unknown vehicle", "trips[1].car")
+    assert refused({"distance_km": 3.0}) == ("one of them is needed", "trips[1].distance_km, links")
+    assert refused({"links": [{"length_m": -1.0, "speed_m_s": 9.0}]})[1].startswith("trips[1].link 1")
+    assert refused({"departs_at": "tomorrow"})[1] == "trips[1].departs_at"
+
+
+def test_a_night_that_cannot_be_planned_is_refused(registry: Registry) -> None:
     jobs = jobs_of(registry)
 
-    def where(change: dict[str, Any], **fields: Any) -> list[tuple[str, str]]:
-        one, other = night()["trips"]
+    def where(**fields: Any) -> list[tuple[str, str]]:
         with pytest.raises(InvalidInput) as caught:
-            asked(jobs, trips=[one, {**other, **change}], **fields)
+            asked(jobs, **fields)
         return [(fault.what, fault.where) for fault in caught.value.faults]
 
-    assert where({"car": "nobody"}) == [("unknown vehicle", "trips[1].car")]
-    assert where({"distance_km": 3.0}) == [("one of them is needed", "trips[1].distance_km, links")]
-    assert where({"links": [{"length_m": -1.0, "speed_m_s": 9.0}]})[0][1].startswith("trips[1].")
-    assert where({}, model="cars") == [("no fleet", "model")]
-    assert where({}, begins_at="2030-01-13T18:00:00+01:00") == [
-        ("departs before the charging begins", "V00000")
-    ]
+    assert where(model="cars") == [("no fleet", "model")]
+    late = "2030-01-13T18:00:00+01:00"
+    assert where(begins_at=late) == [("departs before the charging begins", "V00000")]
+    assert where(tariff={late: 0.3}) == [("no price", "tariff")]
     with pytest.raises(InvalidInput) as caught:
         asked(Jobs.from_folders({}, Limits()))
     assert caught.value.faults[0].what == "no fleet"
+
+
+def test_the_schedule_of_a_night_keeps_the_limit_and_takes_the_cheap_hours(registry: Registry) -> None:
+    tariff = {"2030-01-11T18:00:00+01:00": 0.4, "2030-01-12T02:00:00+01:00": 0.1}
+    answer = asked(jobs_of(registry), grid_w=3000.0, tariff=tariff)
+    NightResponse.model_validate(answer)
+    begins = [dt.datetime.fromisoformat(row["begins_at"]) for row in answer["schedule"]]
+    assert min(begins) >= dt.datetime.fromisoformat("2030-01-12T02:00:00+01:00")
+    assert 0.0 < answer["depot"]["peak_w"] <= 3000.0
+    assert answer["depot"]["cost"] == pytest.approx(0.1e-3 * answer["needs"][0]["charge_wh"] / 0.9)
+    assert answer["depot"]["fails_first"] is None
 
 
 def test_files_of_a_report_are_those_of_the_registry(registry: Registry, tmp_path: Path) -> None:

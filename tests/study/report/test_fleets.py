@@ -13,8 +13,9 @@ pytest.importorskip("deltalake", reason="needs the extra tripwatt[fleet]")
 
 from tests.fleet.rows import year_of_rows
 
+from tripwatt.fleet.charging import Depot, Night
 from tripwatt.fleet.features import START
-from tripwatt.fleet.nights import Cold, PlannedTrip, needs_by_hour
+from tripwatt.fleet.nights import OF_ERRORS, Cold, PlannedTrip, needs_by_hour
 from tripwatt.fleet.registry import REPORT_FILES
 from tripwatt.fleet.statistics import ROWS, TripRows
 from tripwatt.hybrid.groups import fit_scales, group_posterior
@@ -114,6 +115,10 @@ def test_drivers_are_shown_only_where_they_are_asked_for():
     assert "anna" in report(drivers=drivers).page()
 
 
+def night_of(needs, probability=0.95, **depot):
+    return Night(needs, Depot(AT, 7400.0, **depot), probability)
+
+
 def needs_of(soc):
     row = {"vehicle_id": "V1", "car_model": "m", "departs_at": LEAVES, "arrives_at": LEAVES, "trips": 2}
     wh = {"distance_m": 6e4, "energy_wh": 9e3, "energy_quantile_wh": 12e3}
@@ -125,8 +130,11 @@ def needs_of(soc):
                 **wh,
                 **powers,
                 "soc_needed": 0.5,
-                "soc": soc,
-                "charge_wh": 6e3 if soc is not None else None,
+                "soc": math.nan if soc is None else soc,
+                "chance": 0.4 if soc is not None else None,
+                **dict.fromkeys(OF_ERRORS, 0.0),
+                "wh_per_soc": 30e3,
+                "charge_wh": 6e3 if soc is not None else math.nan,
                 "assumed": "soc",
                 "reasons": "a; b",
             }
@@ -137,9 +145,9 @@ def needs_of(soc):
 def test_a_folder_has_a_file_for_each_program_and_none_of_an_earlier_report(tmp_path):
     routes = pd.DataFrame({"trip": ["north"], "a": [0.5]})
     cold = Cold(-7.4, "2025-01-06", 10, (("2025-01-13", -9.0, 3),))
-    full = report(needs=needs_of(0.2), routes=routes, cold=cold)
-    document = full.write(tmp_path, AT, 7400.0)
-    assert {file.name for file in tmp_path.iterdir()} == set(REPORT_FILES) - {"drivers.csv"}
+    full = report(night=night_of(needs_of(0.2)), routes=routes, cold=cold)
+    document = full.write(tmp_path)
+    assert {file.name for file in tmp_path.iterdir()} == set(REPORT_FILES) - {"drivers.csv", "schedule.csv"}
     assert json.loads((tmp_path / "report.json").read_text("utf-8")) == json.loads(json.dumps(document))
     assert json.loads((tmp_path / "emhass.json").read_text("utf-8")) == document["emhass"]
     assert (tmp_path / "evcc.txt").read_text("utf-8") == "/api/vehicles/V1/plan/soc/50/2026-01-12T07:30:00Z\n"
@@ -156,7 +164,7 @@ def test_a_folder_has_a_file_for_each_program_and_none_of_an_earlier_report(tmp_
         "min_trips": 10,
         "colder": (("2025-01-13", -9.0, 3),),
     }
-    report().write(tmp_path, AT, 7400.0)
+    report().write(tmp_path)
     assert {file.name for file in tmp_path.iterdir()} == {
         "changes.csv",
         "vehicles.csv",
@@ -166,13 +174,11 @@ def test_a_folder_has_a_file_for_each_program_and_none_of_an_earlier_report(tmp_
 
 
 def test_the_need_of_the_night_is_summed():
-    page = report(needs=needs_of(0.2)).page()
-    assert "Planned trips: 2. If each gets what suffices with 95\u00a0%, they need 12 kWh." in page
+    page = report(night=night_of(needs_of(0.2))).page()
+    assert "Planned trips: 2. Together they take 9 kWh (median) and with 95\u00a0% at most 9 kWh." in page
     assert "for departures of vehicles whose charge now is known (1 of 1): 6 kWh." in page
-    assert "does not suffice for all of them: 0." in page
-    assert (
-        "does not suffice for all of them: 1." in report(needs=needs_of(None).assign(soc_needed=1.2)).page()
-    )
+    assert "does not suffice: 0." in page
+    assert "does not suffice: 1." in report(night=night_of(needs_of(None).assign(soc_needed=1.2))).page()
 
 
 def test_routes_name_the_cars_that_can_drive_them():
@@ -206,15 +212,13 @@ def test_the_need_of_a_changed_vehicle_is_that_of_its_trips_since_then(fleet):
         fleet[2], sums=sums, posterior=group_posterior(sums, fit_scales(sums, START)), digests=digests
     )
     known = Departure(ambient_temperature_degc=10.0)
-    trips = [
-        PlannedTrip("a", car, LEAVES, 30.0, "country", known, math.nan, None, None) for car in ("v02", "v04")
-    ]
-    report = ManagerReport.of({}, model, rows, trips)
+    trips = [PlannedTrip("a", car, LEAVES, 30.0, "country", known, None, None) for car in ("v02", "v04")]
+    report = ManagerReport.of({}, model, rows, trips, Depot(AT, 7400.0))
     assert list(report.changes["vehicle_id"]) == ["v02"]
-    changed, same = (report.needs["energy_wh"] / needs_by_hour(model, trips)["energy_wh"]).tolist()
+    changed, same = (report.tables["needs"]["energy_wh"] / needs_by_hour(model, trips)["energy_wh"]).tolist()
     assert 1.05 < changed < 1.15
     assert same == pytest.approx(1.0, abs=5e-3)
-    assert ["change of +" in reasons for reasons in report.needs["reasons"]] == [True, False]
+    assert ["change of +" in reasons for reasons in report.tables["needs"]["reasons"]] == [True, False]
     assert "v02: the need is that of its trips after its change of +" in report.page()
 
 
@@ -224,7 +228,7 @@ def test_the_page_has_need_and_charge_first_and_links_to_its_files():
         [needs_of(0.2).assign(vehicle_id=car, soc_needed=soc, charge_wh=wh) for car, soc, wh in rows]
     )
     needs["reasons"] = "battery temperature at departure is unknown: -5 °C is assumed since 2025-06-01"
-    made = report(needs=needs, about={"Model version": "0007", "Reserve": "10 %"})
+    made = report(night=night_of(needs, 0.9), about={"Model version": "0007", "Reserve": "10 %"})
     table = needs_table(needs, 0.9)
     assert table.columns[:3] == ("vehicle", "leave with [%]", "to charge [kWh]")
     assert [row[:3] for row in table.rows] == [

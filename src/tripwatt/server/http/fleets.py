@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import datetime as dt
 from collections.abc import Callable, Mapping
-from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any, Literal
 
-from pydantic import AwareDatetime, Field
+from pydantic import AwareDatetime, Field, ValidationError, WrapValidator
 
-from tripwatt.errors import Check, InvalidInput, places_named, places_within
+from tripwatt.errors import Check, InvalidInput, places_within
+from tripwatt.fleet.charging import Depot, Night
 from tripwatt.fleet.model import COLD_DEGC, FleetModel
-from tripwatt.fleet.nights import PlannedTrip, needs_by_hour, night_document
+from tripwatt.fleet.nights import PlannedTrip, needs_by_hour
 from tripwatt.fleet.registry import FollowedModel, Registry
 from tripwatt.forecasting import ForecastModel, load_metadata
 from tripwatt.roads.advice.preheating import PLUG_W
@@ -89,17 +89,31 @@ class PlannedTripRequest(schemas.RoadRequest, schemas.TripRequest):
 
     def planned(self, number: int, limits: Limits) -> PlannedTrip:
         """Return the planned trip; `number` is its position in the request, from 0."""
-        where = f"trips[{number}]."
-        with places_within(where):
-            has_road = self.links is not None or self.samples is not None
-            if (self.distance_km is None) != has_road:
-                got = "both" if has_road else "neither"
-                raise InvalidInput.of("one of them is needed", "distance_km, links", got, "one of the two")
-            road: Any = self.plan(limits) if has_road else self.distance_km
-        departure = schemas.departure_of(self)
-        soc = float("nan") if departure.soc is None else departure.soc
-        known = replace(departure, soc=None), soc, self.car_model, self.driver, where
+        has_road = self.links is not None or self.samples is not None
+        if (self.distance_km is None) != has_road:
+            got = "both" if has_road else "neither"
+            raise InvalidInput.of("one of them is needed", "distance_km, links", got, "one of the two")
+        road: Any = self.plan(limits) if has_road else self.distance_km
+        known = schemas.departure_of(self), self.car_model, self.driver, f"trips[{number}]."
         return PlannedTrip(self.trip, self.car, self.departs_at, road, self.kind, *known)
+
+
+def _row_or_fault(row: Any, check: Callable[[Any], PlannedTripRequest]) -> PlannedTripRequest | InvalidInput:
+    try:
+        return check(row)
+    except ValidationError as error:
+        errors = error.errors(include_url=False)
+        return InvalidInput(schemas.faults_of(errors, PlannedTripRequest.model_fields))
+
+
+def _planned(row: PlannedTripRequest | InvalidInput, number: int, limits: Limits) -> PlannedTrip:
+    with places_within(f"trips[{number}]."):
+        if isinstance(row, InvalidInput):
+            raise row
+        return row.planned(number, limits)
+
+
+Row = Annotated[PlannedTripRequest, WrapValidator(_row_or_fault)]
 
 
 class NightRequest(schemas.StrictModel):
@@ -107,7 +121,7 @@ class NightRequest(schemas.StrictModel):
 
     model: str | None = Field(None, max_length=100)
     """a fleet of /v1/models; default: the first one"""
-    trips: list[PlannedTripRequest] = Field(min_length=1, max_length=500)
+    trips: list[Row] = Field(min_length=1, max_length=500)
     probability: float = Field(0.95, ge=0.5, le=0.999)
     """probability with which the energy of a trip suffices"""
     reserve: schemas.Reserve = 0.1
@@ -115,6 +129,10 @@ class NightRequest(schemas.StrictModel):
     """power of a charger [W]"""
     begins_at: AwareDatetime | None = Field(None, strict=False)
     """when charging may begin; default: now"""
+    grid_w: float | None = Field(None, ge=0.0)
+    """largest power of all chargers together [W]"""
+    tariff: dict[Annotated[AwareDatetime, Field(strict=False)], float] = Field({}, max_length=1000)
+    """price per kWh by its beginning; it holds until the next begins"""
 
 
 class HourNeed(schemas.ResponseModel):
@@ -136,8 +154,12 @@ class HourNeed(schemas.ResponseModel):
     """displayed charge to leave with for this hour and the later ones, without charging in between; above 1: more than a full battery"""
     soc: float | None
     """displayed charge now"""
+    chance: float | None
+    """probability that the charge now suffices for this hour and those before; null where it is not known"""
     charge_wh: float | None
     """to be charged for this hour beyond what the hours before need [Wh]; null where the charge now is not known"""
+    missing_wh: float | None = None
+    """what the schedule cannot charge before the departure [Wh]"""
     alternating_w: float
     """highest power with which the car charges, with alternating current [W]"""
     direct_w: float
@@ -152,6 +174,12 @@ class NightResponse(schemas.ResponseModel):
     """What the planned trips of a fleet need, by vehicle and hour of departure."""
 
     needs: list[HourNeed]
+    depot: dict[str, Any]
+    """median and quantile of the energy of all vehicles together [Wh], chance that all have enough, peak [W] and cost of the schedule, and what fails first"""
+    schedule: list[dict[str, Any]] | None = None
+    """power of each vehicle in each quarter of an hour [W], for a limit or a tariff"""
+    refused: list[dict[str, Any]]
+    """faults of the trips that are left out"""
     emhass: dict[str, Any]
     """payload of EMHASS's action naive-mpc-optim: a load for each hour of a vehicle with something to charge, in the order of its `vehicles`"""
     evcc: list[str]
@@ -169,11 +197,14 @@ def night(fleets: Mapping[str, FollowedModel], request: NightRequest, limits: Li
     name = request.model or next(iter(fleets), "")
     if name not in fleets:
         raise InvalidInput.of("no fleet", "model", name or "none", ", ".join(fleets) or "serve a registry")
-    with Check() as check:
-        trips = [check(trip.planned, number, limits) for number, trip in enumerate(request.trips)]
-    places = {f"trips[{k}].vehicle_id": f"trips[{k}].car" for k in range(len(trips))}
-    with places_named(places):
-        asked = request.model_dump(include={"probability", "reserve"})
-        needs = needs_by_hour(fleets[name].get(), trips, **asked)
-    document = night_document(needs, request.begins_at or dt.datetime.now(dt.UTC), request.plug_w)
-    return document | {"needs": [{"car": row.pop("vehicle_id"), **row} for row in document["needs"]]}
+    check = Check()
+    planned = [check(_planned, row, number, limits) for number, row in enumerate(request.trips)]
+    trips, refused = [trip for trip in planned if trip is not None], [*check.faults]
+    asked = request.model_dump(include={"probability", "reserve"})
+    needs = needs_by_hour(fleets[name].get(), trips, **asked, refused=refused)
+    begins = request.begins_at or dt.datetime.now(dt.UTC)
+    depot = Depot(begins, request.plug_w, request.grid_w, request.tariff)
+    document = Night(needs, depot, request.probability).document
+    faults = [{**fault.texts, "where": fault.where.replace("vehicle_id", "car")} for fault in refused]
+    rows = [{"car": row.pop("vehicle_id"), **row} for row in document["needs"]]
+    return document | {"needs": rows, "refused": faults}

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import datetime as dt
 import json
 import re
 from collections.abc import Iterator, Mapping, Sequence
@@ -23,6 +22,7 @@ from tripwatt.fleet.changes import (
     need_notes,
     without_trips_before_changes,
 )
+from tripwatt.fleet.charging import Depot, Night
 from tripwatt.fleet.deviations import PARTS, deviations
 from tripwatt.fleet.model import FleetModel
 from tripwatt.fleet.registry import REPORT_FILES, REPORT_TABLES
@@ -117,8 +117,10 @@ class ManagerReport:
         From `changes` and `deviations`.
     drivers : DataFrame or None
         From `deviations`; None if they were not requested or there are none.
-    needs, routes : DataFrame or None
-        From `needs_by_hour` and `needs_by_car`; None without planned trips.
+    night : Night or None
+        Needs of the planned trips and their schedule; None without planned trips.
+    routes : DataFrame or None
+        From `needs_by_car`; None without planned trips.
     cold : Cold or None
         Temperature of the coldest week, or the given temperature.
     refused : tuple of Fault
@@ -131,7 +133,7 @@ class ManagerReport:
     changes: pd.DataFrame
     vehicles: pd.DataFrame
     drivers: pd.DataFrame | None = None
-    needs: pd.DataFrame | None = None
+    night: Night | None = None
     routes: pd.DataFrame | None = None
     cold: nights.Cold | None = None
     refused: tuple[Fault, ...] = ()
@@ -139,8 +141,8 @@ class ManagerReport:
 
     @classmethod
     def of(
-        cls, about: Mapping[str, str], model: FleetModel, rows: TripRows, planned: Sequence[nights.PlannedTrip] = (), *, probability: float = 0.95,
-        reserve: float = 0.1, drivers: bool = False, coldest_degc: float | None = None,
+        cls, about: Mapping[str, str], model: FleetModel, rows: TripRows, planned: Sequence[nights.PlannedTrip] = (),
+        depot: Depot | None = None, *, probability: float = 0.95, reserve: float = 0.1, drivers: bool = False, coldest_degc: float | None = None,
     ) -> ManagerReport:  # fmt: skip
         """Build the report on the trips of a fleet.
 
@@ -152,6 +154,8 @@ class ManagerReport:
         rows : TripRows
             Rows of the trips that the model was fitted to.
         planned : sequence of PlannedTrip
+        depot : Depot, optional
+            Where the vehicles of the planned trips are charged.
         probability, reserve : float
             As for `needs_by_hour`.
         drivers : bool
@@ -162,43 +166,37 @@ class ManagerReport:
         settings = {"probability": probability, "reserve": reserve}
         vehicles, changed = deviations(model.posterior, rows), changes(model.posterior, rows)
         cold = nights.coldest_week(rows) if coldest_degc is None else nights.Cold(coldest_degc)
-        compared = deviations(model.posterior, rows, drivers=True) if drivers else None
-        needs, routes = None, None
+        compared = deviations(model.posterior, rows, drivers=True) if drivers else pd.DataFrame()
+        night, routes = None, None
         refused: list[Fault] = []
-        if planned:
+        if planned and depot is not None:
             since_changes = without_trips_before_changes(model, rows, changed)
             needs = nights.needs_by_hour(since_changes, planned, **settings, refused=refused)
             reasons = need_notes(changed)
             of_changes = needs["vehicle_id"].map(lambda car: reasons.get(car, ""))
             needs["reasons"] = (needs["reasons"].fillna("") + "; " + of_changes).str.strip("; ")
+            night = Night(needs, depot, probability)
         if planned and cold is not None:
             routes = nights.needs_by_car(model, planned, cold.ambient_temperature_degc, **settings)
-        return cls(
-            probability=probability,
-            changes=changed,
-            vehicles=vehicles,
-            drivers=None if compared is None or compared.empty else compared,
-            needs=needs,
-            routes=routes,
-            cold=cold,
-            refused=tuple(refused),
-            about=about,
-        )
+        named = None if compared.empty else compared
+        return cls(probability, changed, vehicles, named, night, routes, cold, tuple(refused), about)
 
     @property
     def tables(self) -> dict[str, pd.DataFrame]:
         """Tables of the report by name; those that are None are left out."""
-        return {name: getattr(self, name) for name in REPORT_TABLES if getattr(self, name) is not None}
+        of_night = {} if self.night is None else self.night.tables
+        tables = {name: of_night.get(name, getattr(self, name, None)) for name in REPORT_TABLES}
+        return {name: table for name, table in tables.items() if table is not None}
 
     @property
     def notes(self) -> list[str]:
         """Notes on assumptions and limits of the needs, and on planned trips that are left out."""
-        if self.needs is None:
+        if self.night is None:
             return []
-        rows = zip(self.needs["vehicle_id"], self.needs["reasons"], strict=True)
+        rows = self.night.needs[["vehicle_id", "reasons"]].itertuples(index=False)
         reasons = ((car, reason) for car, listed in rows for reason in listed.split("; ") if reason)
         kinds = group_by_kind((reason, car, 1, f"{car}: {reason}") for car, reason in reasons)
-        notes = (f"{kind.example} (departures: {kind.count} of {len(self.needs)})" for kind in kinds)
+        notes = (f"{kind.example} (departures: {kind.count} of {len(self.night.needs)})" for kind in kinds)
         left_out = (f"left out: {fault}" for fault in self.refused)
         return [*left_out, *(re.sub(r"(?<!\S)-(?=\d)", "−", note) for note in notes)]
 
@@ -206,7 +204,7 @@ class ManagerReport:
         """Render the report as one HTML file without scripts."""
         counts = {"Trips": self.vehicles["trips"].sum(), "Vehicles": len(self.vehicles)}
         facts = {**counts, "That changed": self.changes["vehicle_id"].nunique(), **self.about}
-        names = {*self.tables, *(("emhass", "evcc") if self.needs is not None else ())}
+        names = {*self.tables, *(("emhass", "evcc") if self.night is not None else ())}
         context = {"files": [n for n in REPORT_FILES if n.partition(".")[0] in names], "foot": _CHANGE}
         sections = {"": [*self.panels()]}
         return page_text("fleet.html.jinja", sections, title="Fleet report", facts=facts.items(), **context)
@@ -216,10 +214,10 @@ class ManagerReport:
         tables: tuple[Table, ...] = (_changes_table(self.changes),) if len(self.changes) else ()
         caption = _describe_changes(self.changes, len(self.vehicles))
         yield Panel("changes", "Vehicles that changed", caption, tables=tables)
-        if self.needs is not None:
+        if self.night is not None:
             notes = Table("What the needs assume and their limits", ("note",), tuple(zip(self.notes)))
-            tables = needs_table(self.needs, self.probability), notes
-            caption = _describe_needs(self.needs, self.probability)
+            tables = needs_table(self.tables["needs"], self.probability), notes
+            caption = _describe_needs(self.night)
             yield Panel("needs", "What the planned trips need", caption, tables=tables)
         if self.routes is not None and self.cold is not None:
             caption = describe_routes(self.routes, self.probability, self.cold)
@@ -229,19 +227,18 @@ class ManagerReport:
                 shares = _shares_table(self.tables[key], key[:-1])
                 yield Panel(key, title, _SHARES[key], tables=(shares,), folded=True)
 
-    def write(self, folder: Path, at: dt.datetime, charger_w: float) -> dict[str, Any]:
+    def write(self, folder: Path) -> dict[str, Any]:
         """Write the page, the data, each table as CSV and the files for EMHASS and evcc into a folder; return the data.
 
-        Files of an earlier report that this report does not have are removed. `at` and `charger_w` are those of
-        `emhass`.
+        Files of an earlier report that this report does not have are removed.
         """
         document: dict[str, Any] = {"about": {**self.about}, "probability": self.probability}
         document["refused"] = [fault.texts for fault in self.refused]
         document["coldest_week"] = self.cold and self.cold._asdict()
         document |= {name: nights.records(table) for name, table in self.tables.items()}
         texts = {f"{name}.csv": _csv_text(table) for name, table in self.tables.items()}
-        if self.needs is not None:
-            document |= nights.night_document(self.needs, at, charger_w)
+        if self.night is not None:
+            document |= self.night.document
             lines = "".join(f"{path}\n" for path in document["evcc"])
             texts |= {"emhass.json": f"{json.dumps(document['emhass'])}\n", "evcc.txt": lines}
         texts |= {"report.json": f"{json.dumps(document, allow_nan=False)}\n", "report.html": self.page()}
@@ -255,7 +252,7 @@ class ManagerReport:
 
 def _csv_text(table: pd.DataFrame) -> str:
     """Write a table as CSV, with times in ISO 8601 and their offset."""
-    times = table.filter(["departs_at", "arrives_at"]).map(lambda time: time.isoformat(timespec="seconds"))
+    times = table.filter(regex="_at$").map(lambda time: time.isoformat(timespec="seconds"))
     return csv_text(table.assign(**{f"{name}": times[name] for name in times}))
 
 
@@ -306,16 +303,20 @@ def _with_sd(name: str, row: Mapping[str, Any]) -> str:
     return f"{100.0 * row[name]:+.1f}\u00a0±\u00a0{100.0 * row['sd']:.1f}".replace("-", "−")
 
 
-def _describe_needs(needs: pd.DataFrame, probability: float) -> str:
-    """Say how much energy the planned trips need, and how much has to be charged."""
-    kwh = needs[["energy_quantile_wh", "charge_wh"]].sum() / 1000.0
+def _describe_needs(night: Night) -> str:
+    """Say how much energy the planned trips need and how sure it is, how much has to be charged, and what is planned."""
+    needs, sums = night.needs, night.summary
     full = int((needs["soc_needed"] > 1.0).groupby(needs["vehicle_id"]).any().sum())
+    fails, cost = sums.get("fails_first"), f" and costs {sums['cost']:.2f}" if "cost" in sums else ""
+    peak = f" The schedule has a peak of {sums['peak_w'] / 1e3:.1f} kW{cost}." if "peak_w" in sums else ""
+    lacks = f" First {fails['vehicle_id']} lacks {fails['missing_wh'] / 1e3:.1f} kWh." if fails else ""
     return (
-        f"Planned trips: {needs['trips'].sum()}. If each gets what suffices with {percent(probability, 0)}, they need {kwh.iloc[0]:.0f} kWh. To be charged, for "
-        f"departures of vehicles whose charge now is known ({needs['charge_wh'].count()} of {len(needs)}): {kwh.iloc[1]:.0f} kWh. Vehicles that have to charge between or on "
-        f"their trips, because a full battery does not suffice for all of them: {full}. What to leave with counts without "
-        "charging between the trips; what to charge is the part of each hour. A vehicle that charges between its trips has a load for each part in emhass.json, and "
-        "one plan for all of them, before its first departure, in evcc.txt."
+        f"Planned trips: {needs['trips'].sum()}. Together they take {sums['energy_wh'] / 1e3:.0f} kWh (median) and with {percent(night.probability, 0)} at most "
+        f"{sums['energy_quantile_wh'] / 1e3:.0f} kWh. Charged as listed, all have enough with {percent(sums['chance'], 1)}.{peak}{lacks} To be charged, for "
+        f"departures of vehicles whose charge now is known ({needs['charge_wh'].count()} of {len(needs)}): {needs['charge_wh'].sum() / 1e3:.0f} kWh. "
+        f"Vehicles that have to charge between or on their trips, because a full battery does not suffice: {full}. What to leave with counts without "
+        "charging between the trips; what to charge is the part of each hour. A vehicle that charges between its trips has a load for each part in "
+        "emhass.json, and one plan for all of them, before its first departure, in evcc.txt."
     )
 
 
@@ -329,6 +330,8 @@ def needs_table(needs: pd.DataFrame, probability: float) -> Table:
         in_percent("leave with [%]", "soc_needed", 0),
         in_kwh("to charge [kWh]", "charge_wh", 1),
         in_percent("charge now [%]", "soc", 0),
+        in_percent("suffices now with [%]", "chance", 0),
+        in_kwh("missing [kWh]", lambda row: row.get("missing_wh"), 1),
         in_words("first departure", lambda row: f"{row['departs_at']:%Y-%m-%d %H:%M}"),
         in_kwh(f"suffices with {percent(probability, 0)} [kWh]", "energy_quantile_wh", 1),
         in_kwh("energy, median [kWh]", "energy_wh", 1),
