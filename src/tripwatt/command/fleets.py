@@ -299,7 +299,8 @@ def report(
     rows = _rows(fleet, fleet.place, fleet)
     asked: dict[str, Any] = {"probability": probability, "reserve": reserve, "coldest_degc": coldest}
     depot = Depot(at, plug, grid and 1e3 * grid, {} if tariff is None else read_tariff(tariff))
-    result = ManagerReport.of(about, versions.load(), rows, ahead, depot, drivers=drivers, **asked)
+    night = (ahead, depot) if ahead else None
+    result = ManagerReport.of(about, versions.load(), rows, night, drivers=drivers, **asked)
     document = result.write(folder)
     if drivers and result.drivers is None:
         print_notes(["no trip of the store names its driver, so that drivers cannot be compared"])
@@ -314,8 +315,7 @@ def _show_report(result: ManagerReport, folder: Path) -> None:
     for panel in result.panels():
         if not panel.folded:
             say(panel.caption)
-        if panel.key == "changes" and panel.tables:
-            (table,) = panel.tables
+        for table in panel.tables if panel.key == "changes" else ():
             numbers = ("more [%]", "trips before", "after")
             print_table(table.caption, table.columns, table.rows, numbers=numbers)
     print_notes(result.notes)

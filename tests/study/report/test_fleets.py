@@ -213,7 +213,7 @@ def test_the_need_of_a_changed_vehicle_is_that_of_its_trips_since_then(fleet):
     )
     known = Departure(ambient_temperature_degc=10.0)
     trips = [PlannedTrip("a", car, LEAVES, 30.0, "country", known, None, None) for car in ("v02", "v04")]
-    report = ManagerReport.of({}, model, rows, trips, Depot(AT, 7400.0))
+    report = ManagerReport.of({}, model, rows, (trips, Depot(AT, 7400.0)))
     assert list(report.changes["vehicle_id"]) == ["v02"]
     changed, same = (report.tables["needs"]["energy_wh"] / needs_by_hour(model, trips)["energy_wh"]).tolist()
     assert 1.05 < changed < 1.15

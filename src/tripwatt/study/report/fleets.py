@@ -141,8 +141,8 @@ class ManagerReport:
 
     @classmethod
     def of(
-        cls, about: Mapping[str, str], model: FleetModel, rows: TripRows, planned: Sequence[nights.PlannedTrip] = (),
-        depot: Depot | None = None, *, probability: float = 0.95, reserve: float = 0.1, drivers: bool = False, coldest_degc: float | None = None,
+        cls, about: Mapping[str, str], model: FleetModel, rows: TripRows,
+        planned: tuple[Sequence[nights.PlannedTrip], Depot] | None = None, *, probability: float = 0.95, reserve: float = 0.1, drivers: bool = False, coldest_degc: float | None = None,
     ) -> ManagerReport:  # fmt: skip
         """Build the report on the trips of a fleet.
 
@@ -153,9 +153,8 @@ class ManagerReport:
         model : FleetModel
         rows : TripRows
             Rows of the trips that the model was fitted to.
-        planned : sequence of PlannedTrip
-        depot : Depot, optional
-            Where the vehicles of the planned trips are charged.
+        planned : (sequence of PlannedTrip, Depot), optional
+            Planned trips, and where their vehicles are charged.
         probability, reserve : float
             As for `needs_by_hour`.
         drivers : bool
@@ -169,15 +168,15 @@ class ManagerReport:
         compared = deviations(model.posterior, rows, drivers=True) if drivers else pd.DataFrame()
         night, routes = None, None
         refused: list[Fault] = []
-        if planned and depot is not None:
+        if planned is not None:
             since_changes = without_trips_before_changes(model, rows, changed)
-            needs = nights.needs_by_hour(since_changes, planned, **settings, refused=refused)
+            needs = nights.needs_by_hour(since_changes, planned[0], **settings, refused=refused)
             reasons = need_notes(changed)
             of_changes = needs["vehicle_id"].map(lambda car: reasons.get(car, ""))
             needs["reasons"] = (needs["reasons"].fillna("") + "; " + of_changes).str.strip("; ")
-            night = Night(needs, depot, probability)
-        if planned and cold is not None:
-            routes = nights.needs_by_car(model, planned, cold.ambient_temperature_degc, **settings)
+            night = Night(needs, planned[1], probability)
+        if planned is not None and cold is not None:
+            routes = nights.needs_by_car(model, planned[0], cold.ambient_temperature_degc, **settings)
         named = None if compared.empty else compared
         return cls(probability, changed, vehicles, named, night, routes, cold, tuple(refused), about)
 
