@@ -3,6 +3,7 @@
 import json
 
 import numpy as np
+import pandas as pd
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
@@ -151,6 +152,24 @@ def test_the_report_is_a_folder_of_the_registry(fleet, registry, tmp_path):
     assert facts.items() <= written["about"].items()
     assert written["about"]["Charging begins"].startswith("2030-01-11 18:00 ")
     assert "<h1>Fleet report</h1>" in page
+
+
+def test_the_report_schedules_the_night_under_a_limit_and_a_tariff(fleet, registry, tmp_path):
+    _, store, _, folder = fleet
+    night, prices, out = tmp_path / "night.csv", tmp_path / "prices.csv", tmp_path / "out"
+    row = "V0000{0},a,2030-01-12T07:30+01:00,30,0.1\n"
+    night.write_text("vehicle_id,trip,departs_at,distance_km,soc\n" + row.format(1) + row.format(2))
+    prices.write_text("begins_at,price\n2030-01-11T18:00+01:00,0.4\n2030-01-12T05:00+01:00,0.1\n")
+    asked = ("report", store.place, registry.folder, "--work", folder / "rows", "--planned", night)
+    limits = ("--grid", 2.5, "--tariff", prices, "--begins", "2030-01-11T18:00+01:00", "--out", out)
+    text = run(*asked, *limits)
+    written = json.loads((out / "report.json").read_text("utf-8"))
+    table = pd.read_csv(out / "schedule.csv")
+    assert len(table) == len(written["schedule"])
+    assert table.groupby("begins_at")["power_w"].sum().max() <= 2500.0
+    assert f"The schedule has a peak of 2.5 kW and costs {written['depot']['cost']:.2f}" in text
+    lacking = pd.read_csv(out / "needs.csv")["missing_wh"].sum()
+    assert (written["depot"]["fails_first"] is None) == (lacking == 0.0)
 
 
 def test_the_report_names_what_it_leaves_out_and_assumes(fleet, registry, tmp_path):

@@ -308,7 +308,11 @@ def _describe_needs(night: Night) -> str:
     full = int((needs["soc_needed"] > 1.0).groupby(needs["vehicle_id"]).any().sum())
     fails, cost = sums.get("fails_first"), f" and costs {sums['cost']:.2f}" if "cost" in sums else ""
     peak = f" The schedule has a peak of {sums['peak_w'] / 1e3:.1f} kW{cost}." if "peak_w" in sums else ""
-    lacks = f" First {fails['vehicle_id']} lacks {fails['missing_wh'] / 1e3:.1f} kWh." if fails else ""
+    lacks = (
+        f" First {fails['vehicle_id']} lacks {fails['missing_wh'] / 1e3:.1f} kWh at {fails['departs_at'][:16]} UTC."
+        if fails
+        else ""
+    )
     return (
         f"Planned trips: {needs['trips'].sum()}. Together they take {sums['energy_wh'] / 1e3:.0f} kWh (median) and with {percent(night.probability, 0)} at most "
         f"{sums['energy_quantile_wh'] / 1e3:.0f} kWh. Charged as listed, all have enough with {percent(sums['chance'], 1)}.{peak}{lacks} To be charged, for "
