@@ -216,8 +216,7 @@ class ManagerReport:
         if self.night is not None:
             notes = Table("What the needs assume and their limits", ("note",), tuple(zip(self.notes)))
             tables = needs_table(self.tables["needs"], self.probability), notes
-            caption = _describe_needs(self.night)
-            yield Panel("needs", "What the planned trips need", caption, tables=tables)
+            yield Panel("needs", "What the planned trips need", _describe_needs(self.night), tables=tables)
         if self.routes is not None and self.cold is not None:
             caption = describe_routes(self.routes, self.probability, self.cold)
             yield Panel("routes", "Cars for the planned routes", caption, tables=(routes_table(self.routes),))
@@ -305,17 +304,14 @@ def _with_sd(name: str, row: Mapping[str, Any]) -> str:
 def _describe_needs(night: Night) -> str:
     """Say how much energy the planned trips need and how sure it is, how much has to be charged, and what is planned."""
     needs, sums = night.needs, night.summary
-    full = int((needs["soc_needed"] > 1.0).groupby(needs["vehicle_id"]).any().sum())
-    fails, cost = sums.get("fails_first"), f" and costs {sums['cost']:.2f}" if "cost" in sums else ""
+    full = needs["vehicle_id"][needs["soc_needed"] > 1.0].nunique()
+    cost = f" and costs {sums['cost']:.2f}" if "cost" in sums else ""
     peak = f" The schedule has a peak of {sums['peak_w'] / 1e3:.1f} kW{cost}." if "peak_w" in sums else ""
-    lacks = (
-        f" First {fails['vehicle_id']} lacks {fails['missing_wh'] / 1e3:.1f} kWh at {fails['departs_at'][:16]} UTC."
-        if fails
-        else ""
-    )
+    fails = " First {vehicle_id} lacks {missing_wh:.0f} Wh at {departs_at:.16} UTC."
+    peak += fails.format(**sums["fails_first"]) if sums.get("fails_first") else ""
     return (
         f"Planned trips: {needs['trips'].sum()}. Together they take {sums['energy_wh'] / 1e3:.0f} kWh (median) and with {percent(night.probability, 0)} at most "
-        f"{sums['energy_quantile_wh'] / 1e3:.0f} kWh. Charged as listed, all have enough with {percent(sums['chance'], 1)}.{peak}{lacks} To be charged, for "
+        f"{sums['energy_quantile_wh'] / 1e3:.0f} kWh. Charged as listed, all have enough with {percent(sums['chance'], 1)}.{peak} To be charged, for "
         f"departures of vehicles whose charge now is known ({needs['charge_wh'].count()} of {len(needs)}): {needs['charge_wh'].sum() / 1e3:.0f} kWh. "
         f"Vehicles that have to charge between or on their trips, because a full battery does not suffice: {full}. What to leave with counts without "
         "charging between the trips; what to charge is the part of each hour. A vehicle that charges between its trips has a load for each part in "
