@@ -26,6 +26,9 @@ const SHIPPED = [
   "maplibre-gl",
   "uqr",
 ];
+/** What the report of a fleet contains, which is one file with its script and licences. */
+const REPORT = join(HERE, "..", "src", "tripwatt", "study", "report", "templates");
+const IN_REPORT = ["datatables.net", "uplot"];
 const TARGET = ["es2022", "chrome111", "firefox113", "safari16.4"];
 
 async function filesOf(path) {
@@ -101,9 +104,9 @@ async function partsOfMap() {
   return Object.keys(dependencies).filter((name) => !name.startsWith("@types/"));
 }
 
-async function licences() {
+async function licences(names) {
   const texts = [];
-  for (const name of [...SHIPPED, ...(await partsOfMap())]) {
+  for (const name of names) {
     const { version, license } = await packageOf(name);
     const folder = join(HERE, "node_modules", name);
     const file = (await readdir(folder)).find((entry) => /^licen[cs]e/i.test(entry));
@@ -171,7 +174,25 @@ const { metafile } = await build({
 });
 await cp(join(HERE, "icon.svg"), join(OUT, "icon.svg"));
 await writeFile(join(OUT, "index.html"), await pageOf(metafile.outputs));
-await writeFile(join(OUT, "licences.txt"), await licences());
+await writeFile(join(OUT, "licences.txt"), await licences([...SHIPPED, ...(await partsOfMap())]));
+const report = await build({
+  absWorkingDir: HERE,
+  entryPoints: { fleet: "src/report/main.ts" },
+  outdir: process.argv[2] ?? REPORT,
+  write: false,
+  bundle: true,
+  minify: true,
+  format: "iife",
+  target: TARGET,
+  charset: "utf8",
+  legalComments: "none",
+  banner: { js: `/*\n${(await licences(IN_REPORT)).replaceAll("*/", "")}*/` },
+});
+const inReport = {};
+for (const { path, contents } of report.outputFiles) {
+  await writeFile(path, contents);
+  inReport[basename(path)] = createHash("sha256").update(contents).digest("hex");
+}
 const files = {};
 for (const path of (await filesOf(OUT)).sort()) {
   const bytes = await readFile(path);
@@ -180,5 +201,5 @@ for (const path of (await filesOf(OUT)).sort()) {
     sha256: createHash("sha256").update(bytes).digest("hex"),
   };
 }
-const manifest = { sources_sha256: await digestOfSources(), files };
+const manifest = { sources_sha256: await digestOfSources(), report: inReport, files };
 await writeFile(join(OUT, "manifest.json"), `${JSON.stringify(manifest, null, 2)}\n`);

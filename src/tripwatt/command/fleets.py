@@ -264,6 +264,9 @@ def report(
     ambient: Annotated[float | None, option("DEGC", "Outside temperature of trips that have none.")] = None,
     coldest: Annotated[float | None, option("DEGC", "Temperature in place of the coldest week's.")] = None,
     drivers: Annotated[bool, flag("--drivers", "Compare drivers, too.")] = False,
+    groups: Annotated[Path | None, option("FILE", "CSV: vehicle_id and group, such as the depot.")] = None,
+    price: Annotated[float, option("EUR", "Price of a kWh from the plug; 0.30 is a choice.", min=0.0)] = 0.3,
+    co2: Annotated[float, option("G", "CO2 of a kWh from the plug; 250 is a choice.", min=0.0)] = 250.0,
     probability: shared.Probability = 0.95,
     reserve: shared.Reserve = 0.1,
     plug: Annotated[float, option("W", "Power of a charger.", min=1.0)] = 7400.0,
@@ -271,36 +274,38 @@ def report(
     grid: Annotated[float | None, option("KW", "Largest power of all chargers.", min=0.0)] = None,
     tariff: Annotated[Path | None, option("FILE", "Prices a kWh: begins_at, price.")] = None,
 ) -> Answer:
-    """Report which vehicles changed, since when and by which cause, and what planned trips need, as HTML, CSV and JSON.
+    """Report energy, cost and CO2 beside expectation, changes of vehicles, and what planned trips need, as HTML, CSV and JSON.
 
     With --planned the folder has needs.csv, emhass.json and evcc.txt as well, for the management of charging; with --grid or --tariff
     also schedule.csv, the cheapest schedule. The exit code is 1 if a planned trip cannot be forecast; the report has its reason and the needs of the others.
 
     For example:
 
-      # which vehicles changed
-      tripwatt fleet report fleet models
+      # what the vehicles took and which changed
+      tripwatt fleet report fleet models --price 0.25
       # and what the trips of tomorrow need
       tripwatt fleet report fleet models --planned tomorrow.csv --plug 11000 --grid 60
     """
     from tripwatt.fleet.charging import Depot, read_tariff
     from tripwatt.fleet.nights import read_planned
     from tripwatt.study.report.fleets import ManagerReport
+    from tripwatt.study.report.totals import ReportSettings, read_groups
 
     now = dt.datetime.now().astimezone()
     at = now if begins is None else time_of(begins, "--begins")
     versions, folder = _registry(fleet.registry), out or fleet.registry / "report"
-    about = {"Store": fleet.store, "Written": f"{now:%Y-%m-%d %H:%M}", "Model version": versions.current()}
+    about = {"Price": f"{price:g} €/kWh", "CO₂": f"{co2:g} g/kWh"}
+    about |= {"Store": fleet.store, "Written": f"{now:%Y-%m-%d %H:%M}", "Model version": versions.current()}
     if planned is not None:
         about |= {"A need is enough with": f"{100 * probability:g} %", "Reserve": f"{100 * reserve:g} %"}
         about |= {"Charger": f"{plug / 1e3:g} kW", "Charging begins": f"{at:%Y-%m-%d %H:%M %z}"}
     trips = read_planned(planned, ambient) if planned is not None else []
     ahead = [trip for trip in trips if trip.departs_at >= min(now, at)]
     rows = _rows(fleet, fleet.place, fleet)
-    asked: dict[str, Any] = {"probability": probability, "reserve": reserve, "coldest_degc": coldest}
     depot = Depot(at, plug, grid and 1e3 * grid, {} if tariff is None else read_tariff(tariff))
-    night = (ahead, depot) if ahead else None
-    result = ManagerReport.of(about, versions.load(), rows, night, drivers=drivers, **asked)
+    named = {} if groups is None else read_groups(groups)
+    asked = ReportSettings(probability, reserve, drivers, coldest, price, co2, named)
+    result = ManagerReport.of(about, versions.load(), rows, (ahead, depot) if ahead else None, asked)
     document = result.write(folder)
     if drivers and result.drivers is None:
         print_notes(["no trip of the store names its driver, so that drivers cannot be compared"])
@@ -312,12 +317,12 @@ def report(
 
 
 def _show_report(result: ManagerReport, folder: Path) -> None:
+    for sentence in result.sentences:
+        say(sentence)
     for panel in result.panels():
-        if not panel.folded:
-            say(panel.caption)
-        for table in panel.tables if panel.key == "changes" else ():
-            numbers = ("more [%]", "trips before", "after")
-            print_table(table.caption, table.columns, table.rows, numbers=numbers)
+        if panel.key == "changes":
+            (table,) = panel.tables
+            print_table(table.caption, table.columns, table.rows, numbers=table.numbers)
     print_notes(result.notes)
     say(f"{folder / 'report.html'}")
 

@@ -18,8 +18,8 @@ from tripwatt.server.http.service import Called
 MEDIA_TYPES: Final = {".html": "text/html", ".json": JSON, ".csv": "text/csv", ".txt": "text/plain"}
 """Suffix of a file of a report -> media type."""
 
-POLICY: Final = "default-src 'none'; style-src 'unsafe-inline'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
-"""Content-Security-Policy of a report, which is one file with its style and without scripts."""
+POLICY: Final = "default-src 'none'; style-src 'unsafe-inline'; script-src 'unsafe-inline'; img-src data:; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
+"""Content-Security-Policy of a report, which is one file with its style and script; the page itself allows only this script, by its digest."""
 
 REPORT: Final = {kind: {} if kind == JSON else TEXT for kind in MEDIA_TYPES.values()}
 """Media type of a file of a report -> its media type object."""

@@ -2,20 +2,23 @@
 
 from __future__ import annotations
 
+import base64
+import hashlib
 import json
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import partial
+from importlib.resources import files
 from pathlib import Path
 from typing import Any, Final
 
 import pandas as pd
 
 from tripwatt.errors import Fault
-from tripwatt.files import csv_text, write_text
+from tripwatt.files import csv_text, shipped_toml, write_text
 from tripwatt.fleet import nights
 from tripwatt.fleet.changes import (
+    BATTERY,
     FALSE_CHANGES,
     MIN_CHANGE,
     changes,
@@ -23,7 +26,6 @@ from tripwatt.fleet.changes import (
     without_trips_before_changes,
 )
 from tripwatt.fleet.charging import Depot, Night
-from tripwatt.fleet.deviations import PARTS, deviations
 from tripwatt.fleet.model import FleetModel
 from tripwatt.fleet.registry import REPORT_FILES, REPORT_TABLES
 from tripwatt.fleet.statistics import TripRows
@@ -31,7 +33,8 @@ from tripwatt.study.evaluation.fleets import FleetEvaluation
 from tripwatt.study.report.html import page_text
 from tripwatt.study.report.panel import Panel
 from tripwatt.study.report.tables import Column, Table, in_kwh, in_percent, in_words, make_table, number
-from tripwatt.study.report.words import percent
+from tripwatt.study.report.totals import ReportSettings, drivers_by_name, totals
+from tripwatt.study.report.words import listed, percent
 from tripwatt.trips.reading import group_by_kind
 
 CLASSES: Final = {
@@ -44,11 +47,17 @@ MIN_TRIPS: Final = 10
 alone gives 70 or 100 %."""
 
 
+_TABLES: Final = shipped_toml("study/report/fleet.toml")
+_TEMPLATES: Final = files("tripwatt.study.report").joinpath("templates")
+_CHARTED: Final = 20
+"""Largest number of vehicles in a chart: a choice, because more names are not read on a phone."""
+
+
 def evaluation_page(title: str, evaluation: FleetEvaluation, rows: TripRows) -> str:
     """Render the page on the accuracy of a fleet's forecasts, as one HTML file without scripts."""
     tables = (
         *(accuracy_table(evaluation, by) for by in CLASSES),
-        _own_trips_table(evaluation),
+        table_of("own_trips", evaluation.own),
         _coverage_table(evaluation),
     )
     facts = {"Trips": len(rows), "Vehicles": len(set(rows.texts("vehicle_id").tolist()))}
@@ -64,28 +73,8 @@ def evaluation_page(title: str, evaluation: FleetEvaluation, rows: TripRows) -> 
 
 def accuracy_table(evaluation: FleetEvaluation, by: str) -> Table:
     """Tabulate mean error and coverage by one of `CLASSES`."""
-    return make_table(
-        f"By {CLASSES[by]}",
-        evaluation.table(by).to_dict("records"),
-        Column("trips forecast", "protocol"),
-        in_words(CLASSES[by], by),
-        Column("trips", "trips", digits=0),
-        in_percent("mean error [%]", "error"),
-        in_percent("inside the 90 % interval [%]", "inside", 0),
-    )
-
-
-def _own_trips_table(evaluation: FleetEvaluation) -> Table:
-    """Tabulate the mean error by the number of the vehicle's own trips in the fit."""
-    return make_table(
-        "Mean error by number of own trips",
-        evaluation.own.to_dict("records"),
-        Column("own trips", "own_trips", digits=0),
-        Column("vehicles", "vehicles", digits=0),
-        in_percent("fleet and own trips [%]", "pooled"),
-        in_percent("own trips only [%]", "own_only"),
-        in_percent("fleet only [%]", "fleet_only"),
-    )
+    kind = in_words(CLASSES[by], by)
+    return table_of("accuracy", evaluation.table(by), caption=f"By {CLASSES[by]}", **{"class": [kind]})
 
 
 def _coverage_table(evaluation: FleetEvaluation) -> Table:
@@ -93,16 +82,21 @@ def _coverage_table(evaluation: FleetEvaluation) -> Table:
     table = evaluation.table("vehicle_id")
     shares = table[table["trips"] >= MIN_TRIPS].groupby("protocol")["inside"]
     tenth, nine_tenths = (lambda s: s.quantile(0.1)), (lambda s: s.quantile(0.9))
-    spread = shares.agg(n="size", low=tenth, middle="median", high=nine_tenths)
-    return make_table(
-        f"Trips inside the 90 % interval, by vehicle with {MIN_TRIPS} trips or more",
-        spread.reset_index().to_dict("records"),
-        Column("trips forecast", "protocol"),
-        Column("vehicles", "n", digits=0),
-        in_percent("lowest tenth [%]", "low", 0),
-        in_percent("median [%]", "middle", 0),
-        in_percent("highest tenth [%]", "high", 0),
-    )
+    spread = shares.agg(n="size", low=tenth, middle="median", high=nine_tenths).reset_index()
+    caption = f"Trips inside the 90 % interval, by vehicle with {MIN_TRIPS} trips or more"
+    return table_of("coverage", spread, caption=caption)
+
+
+def table_of(name: str, frame: pd.DataFrame, caption: str = "", **more: Sequence[Column]) -> Table:
+    """Tabulate a frame with the columns that `fleet.toml` describes; those that the frame does not have are left out.
+
+    `more` has further columns by the names at which the description places them.
+    """
+    described = _TABLES[name]
+    more = {"totals": [Column(**column) for column in _TABLES["totals"]["columns"]], **more}
+    parts = (more[c] if isinstance(c, str) else [Column(**c)] for c in described["columns"])
+    columns = (column for part in parts for column in part if column.value in frame)
+    return make_table(caption or described["caption"], frame.to_dict("records"), *columns)
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,10 +107,14 @@ class ManagerReport:
     ----------
     probability : float
         Probability that the stated need suffices.
-    changes, vehicles : DataFrame
-        From `changes` and `deviations`.
+    changes : DataFrame
+        From `changes`.
+    vehicles : DataFrame
+        From `deviations` and `total_by`, the largest gain first.
+    groups, months : DataFrame or None
+        From `total_by`.
     drivers : DataFrame or None
-        From `deviations`; None if they were not requested or there are none.
+        From `drivers_by_name`; None if they were not requested or there are none.
     night : Night or None
         Needs of the planned trips and their schedule; None without planned trips.
     routes : DataFrame or None
@@ -132,6 +130,8 @@ class ManagerReport:
     probability: float
     changes: pd.DataFrame
     vehicles: pd.DataFrame
+    groups: pd.DataFrame | None = None
+    months: pd.DataFrame | None = None
     drivers: pd.DataFrame | None = None
     night: Night | None = None
     routes: pd.DataFrame | None = None
@@ -142,7 +142,7 @@ class ManagerReport:
     @classmethod
     def of(
         cls, about: Mapping[str, str], model: FleetModel, rows: TripRows,
-        planned: tuple[Sequence[nights.PlannedTrip], Depot] | None = None, *, probability: float = 0.95, reserve: float = 0.1, drivers: bool = False, coldest_degc: float | None = None,
+        planned: tuple[Sequence[nights.PlannedTrip], Depot] | None = None, asked: ReportSettings | None = None,
     ) -> ManagerReport:  # fmt: skip
         """Build the report on the trips of a fleet.
 
@@ -155,17 +155,13 @@ class ManagerReport:
             Rows of the trips that the model was fitted to.
         planned : (sequence of PlannedTrip, Depot), optional
             Planned trips, and where their vehicles are charged.
-        probability, reserve : float
-            As for `needs_by_hour`.
-        drivers : bool
-            Whether to compare the drivers.
-        coldest_degc : float, optional
-            Outside temperature instead of that of the coldest week [°C].
+        asked : ReportSettings, optional
         """
-        settings = {"probability": probability, "reserve": reserve}
-        vehicles, changed = deviations(model.posterior, rows), changes(model.posterior, rows)
-        cold = nights.coldest_week(rows) if coldest_degc is None else nights.Cold(coldest_degc)
-        compared = deviations(model.posterior, rows, drivers=True) if drivers else pd.DataFrame()
+        asked = asked or ReportSettings()
+        settings = {"probability": asked.probability, "reserve": asked.reserve}
+        changed = changes(model.posterior, rows)
+        cold = nights.coldest_week(rows) if asked.coldest_degc is None else nights.Cold(asked.coldest_degc)
+        compared = drivers_by_name(model.posterior, rows) if asked.drivers else None
         night, routes = None, None
         refused: list[Fault] = []
         if planned is not None:
@@ -174,11 +170,20 @@ class ManagerReport:
             reasons = need_notes(changed)
             of_changes = needs["vehicle_id"].map(lambda car: reasons.get(car, ""))
             needs["reasons"] = (needs["reasons"].fillna("") + "; " + of_changes).str.strip("; ")
-            night = Night(needs, planned[1], probability)
+            night = Night(needs, planned[1], asked.probability)
         if planned is not None and cold is not None:
             routes = nights.needs_by_car(model, planned[0], cold.ambient_temperature_degc, **settings)
-        named = None if compared.empty else compared
-        return cls(probability, changed, vehicles, named, night, routes, cold, tuple(refused), about)
+        return cls(
+            probability=asked.probability,
+            changes=changed,
+            **totals(model.posterior, rows, asked),
+            drivers=None if compared is None or compared.empty else compared,
+            night=night,
+            routes=routes,
+            cold=cold,
+            refused=tuple(refused),
+            about=about,
+        )
 
     @property
     def tables(self) -> dict[str, pd.DataFrame]:
@@ -189,41 +194,63 @@ class ManagerReport:
 
     @property
     def notes(self) -> list[str]:
-        """Notes on assumptions and limits of the needs, and on planned trips that are left out."""
+        """Notes on assumptions and limits of the needs, and on planned trips that are left out; a vehicle is named where it is the only one."""
+        left_out = [f"left out: {fault}" for fault in self.refused]
         if self.night is None:
-            return []
-        rows = self.night.needs[["vehicle_id", "reasons"]].itertuples(index=False)
+            return left_out
+        needs = self.night.needs
+        rows = needs[["vehicle_id", "reasons"]].itertuples(index=False)
         reasons = ((car, reason) for car, listed in rows for reason in listed.split("; ") if reason)
         kinds = group_by_kind((reason, car, 1, f"{car}: {reason}") for car, reason in reasons)
-        notes = (f"{kind.example} (departures: {kind.count} of {len(self.night.needs)})" for kind in kinds)
-        left_out = (f"left out: {fault}" for fault in self.refused)
+        notes = (
+            f"{kind.example if kind.places == 1 else kind.what} (departures: {kind.count} of {len(needs)})"
+            for kind in kinds
+        )
         return [*left_out, *(re.sub(r"(?<!\S)-(?=\d)", "−", note) for note in notes)]
 
     def page(self) -> str:
-        """Render the report as one HTML file without scripts."""
-        counts = {"Trips": self.vehicles["trips"].sum(), "Vehicles": len(self.vehicles)}
-        facts = {**counts, "That changed": self.changes["vehicle_id"].nunique(), **self.about}
+        """Render the report as one HTML file, whose tables can be sorted and filtered without a server."""
+        facts = {"Vehicles": len(self.vehicles), **self.about}
         names = {*self.tables, *(("emhass", "evcc") if self.night is not None else ())}
+        script, style = (_TEMPLATES.joinpath(f"fleet.{kind}").read_text("utf-8") for kind in ("js", "css"))
+        digest = base64.b64encode(hashlib.sha256(script.encode("utf-8")).digest()).decode("ascii")
         context = {"files": [n for n in REPORT_FILES if n.partition(".")[0] in names], "foot": _CHANGE}
-        sections = {"": [*self.panels()]}
-        return page_text("fleet.html.jinja", sections, title="Fleet report", facts=facts.items(), **context)
+        context |= {"script": script, "style": style, "digest": digest, "sentences": self.sentences}
+        return page_text(
+            "manager.html.jinja",
+            {"Details": [*self.panels()]},
+            title="Fleet report",
+            facts=facts.items(),
+            charts=[*_charts(self)],
+            **context,
+        )
+
+    @property
+    def sentences(self) -> tuple[str, ...]:
+        """The first page: totals, gains, changes, batteries, and what the planned trips need."""
+        battery = self.changes["cause"] == BATTERY
+        return (
+            _describe_totals(self.vehicles, self.months),
+            _describe_gains(self.vehicles),
+            _describe_changes(self.changes[~battery], "consumption"),
+            _describe_changes(self.changes[battery], BATTERY),
+            _describe_tonight(self.night, self.probability),
+        )
 
     def panels(self) -> Iterator[Panel]:
-        """Yield the panels of changes, needs, routes, vehicles and drivers; all but the first only if there is a table."""
-        tables: tuple[Table, ...] = (_changes_table(self.changes),) if len(self.changes) else ()
-        caption = _describe_changes(self.changes, len(self.vehicles))
-        yield Panel("changes", "Vehicles that changed", caption, tables=tables)
+        """Yield the panels of all tables that there are."""
         if self.night is not None:
             notes = Table("What the needs assume and their limits", ("note",), tuple(zip(self.notes)))
             tables = needs_table(self.tables["needs"], self.probability), notes
-            yield Panel("needs", "What the planned trips need", _describe_needs(self.night), tables=tables)
+            yield Panel(
+                "needs", "What the planned trips need", _describe_needs(self.night.needs), tables=tables
+            )
         if self.routes is not None and self.cold is not None:
             caption = describe_routes(self.routes, self.probability, self.cold)
             yield Panel("routes", "Cars for the planned routes", caption, tables=(routes_table(self.routes),))
-        for key, title in (("vehicles", "Vehicles beside others"), ("drivers", "Drivers beside others")):
-            if key in self.tables:
-                shares = _shares_table(self.tables[key], key[:-1])
-                yield Panel(key, title, _SHARES[key], tables=(shares,), folded=True)
+        for key, (title, caption) in _PANELS.items():
+            if key in self.tables and len(self.tables[key]):
+                yield Panel(key, title, caption, tables=(table_of(key, self.tables[key]),))
 
     def write(self, folder: Path) -> dict[str, Any]:
         """Write the page, the data, each table as CSV and the files for EMHASS and evcc into a folder; return the data.
@@ -260,59 +287,88 @@ _ERROR: Final = (
 )
 _CHANGE: Final = (
     f"A change is listed if it is {percent(MIN_CHANGE, 0)} or more and beyond chance: in a fleet without changes, one of {1.0 / FALSE_CHANGES:.0f} reports lists "
-    "one. The percentage after a cause is the probability that it is the right one; the beginning lies between the earliest and the latest day with 95 %."
+    "one. The right cause is the probability of the cause; the beginning lies between the earliest and the latest day with 95 %."
 )
-_SHARES: Final = {
-    "vehicles": "Energy beyond that of the car model on the usual trip of the car model, with one standard deviation.",
-    "drivers": "Energy beyond that of the vehicle's drivers together on the usual trip of the car model, with one standard deviation.",
-}
+_PANELS: Final[Mapping[str, tuple[str, str]]] = _TABLES["panels"]
 
 
-def _describe_changes(changed: pd.DataFrame, vehicles: int) -> str:
-    """Say how many vehicles changed, and by which causes."""
-    if not len(changed):
-        return f"No vehicle changed by {percent(MIN_CHANGE, 0)} or more beyond chance."
-    causes = ", ".join(f"{n} by {cause}" for cause, n in changed["cause"].value_counts().items())
-    return (
-        f"{changed['vehicle_id'].nunique()} of {vehicles} vehicles: {causes}. A change of the consumption is a share of it; one of the battery is a "
-        "share of the displayed charge that an energy takes. What all vehicles of a car model share in a month does not count."
+_SAID: Final[Mapping[str, str]] = _TABLES["said"]
+
+
+def _in_kilo(values: Any) -> dict[str, Any]:
+    """Energies in kWh and distances in km; other values stay as they are."""
+    return {n: values[n] * 1e-3 if f"{n}".endswith(("_wh", "_m")) else values[n] for n in values}
+
+
+def _describe_totals(vehicles: pd.DataFrame, months: pd.DataFrame | None) -> str:
+    """Say what the fleet drove, took, paid and emitted, beside the expectation."""
+    known = [] if months is None else [month for month in months["month"] if month]
+    sums = vehicles[["trips", "distance_m", "energy_wh", "expected_wh", "cost", "co2_kg"]].sum().to_dict()
+    excess = sums["energy_wh"] / sums["expected_wh"] - 1.0
+    said = {"period": f"From {known[0]} to {known[-1]}" if known else "In all", "vehicles": len(vehicles)}
+    said["beside"] = f"{percent(abs(excess))} {'more' if excess > 0.0 else 'less'}"
+    return str(
+        _SAID["totals"].format(**said, **{name: f"{value:,.0f}" for name, value in _in_kilo(sums).items()})
     )
 
 
-def _changes_table(changed: pd.DataFrame) -> Table:
-    """Tabulate the changes, one row for each."""
-    return make_table(
-        "Every change, the largest first",
-        changed.to_dict("records"),
-        Column("vehicle", "vehicle_id"),
-        in_words("cause", lambda row: f"{row['cause']} ({percent(row['probability'], 0)})"),
-        in_words("since", "since"),
-        in_words("earliest", "from_day"),
-        in_words("latest", "to_day"),
-        Column("more [%]", partial(_with_sd, "change")),
-        Column("trips before", "before", digits=0),
-        Column("after", "after", digits=0),
-        in_words("car model", "car_model"),
+def _describe_gains(vehicles: pd.DataFrame) -> str:
+    """Say what is gained if no vehicle takes more than expected."""
+    first = vehicles[vehicles["gain"] > 0.0]
+    sure = int((first["share"] > 2.0 * first["sd"]).sum())
+    named = listed([f"{row['vehicle_id']} ({row['gain']:,.0f} €)" for row in first[:5].to_dict("records")])
+    sum_of = f"{first['gain'].sum():,.0f}"
+    return str(_SAID["gains"].format(vehicles=len(first), gain=sum_of, named=named, sure=sure))
+
+
+def _describe_changes(changed: pd.DataFrame, what: str) -> str:
+    """Say which vehicles changed, by which cause and since which month."""
+    of = "{vehicle_id} by {share} % ({cause}) since {since:.7}"
+    rows = changed.assign(share=[number(value, 100.0, 0) for value in changed["change"]])[:5].to_dict(
+        "records"
     )
+    count, named = changed["vehicle_id"].nunique(), listed([of.format(**row) for row in rows])
+    return str(_SAID["changes"].format(what=what, vehicles=count, named=named))
 
 
-def _with_sd(name: str, row: Mapping[str, Any]) -> str:
-    """Format a signed fraction of a row in percent, with its standard deviation."""
-    return f"{100.0 * row[name]:+.1f}\u00a0±\u00a0{100.0 * row['sd']:.1f}".replace("-", "−")
-
-
-def _describe_needs(night: Night) -> str:
-    """Say how much energy the planned trips need and how sure it is, how much has to be charged, and what is planned."""
+def _describe_tonight(night: Night | None, probability: float) -> str:
+    """Say what the planned trips need together, and what the schedule of charging costs and lacks."""
+    if night is None:
+        return str(_SAID["nothing_planned"])
     needs, sums = night.needs, night.summary
+    kwh = {name: f"{sums[name] / 1e3:,.0f}" for name in ("energy_wh", "energy_quantile_wh")}
+    kwh["charge_wh"] = f"{needs['charge_wh'].sum() / 1e3:,.0f}"
+    said = {
+        "vehicles": needs["vehicle_id"].nunique(),
+        "level": percent(probability, 0),
+        "chance": percent(sums["chance"], 1),
+    }
+    parts = [_SAID["tonight"].format(**said, **kwh)]
+    if "peak_w" in sums:
+        cost = f" and costs {sums['cost']:.2f}" if "cost" in sums else ""
+        parts.append(_SAID["schedule"].format(peak=f"{sums['peak_w'] / 1e3:.1f}", cost=cost))
+    if sums.get("fails_first"):
+        parts.append(_SAID["fails_first"].format(**sums["fails_first"]))
+    return " ".join(parts)
+
+
+def _charts(report: ManagerReport) -> Iterator[dict[str, Any]]:
+    """Yield the charts of the first page: names on the x axis, and label and values of each series."""
+    months, first = report.months, report.vehicles.head(_CHARTED)
+    for title, name, table, series in (
+        ("Energy by month [kWh]", "month", months, {"measured": "energy_wh", "expected": "expected_wh"}),
+        ("Largest gains by vehicle [€]", "vehicle_id", first, {"gain": "gain"}),
+    ):
+        if table is not None:
+            values = [[label, _in_kilo(table)[key].round(1).tolist()] for label, key in series.items()]
+            yield {"title": title, "names": table[name].tolist(), "series": values}
+
+
+def _describe_needs(needs: pd.DataFrame) -> str:
+    """Say how the needs of the planned trips count."""
     full = needs["vehicle_id"][needs["soc_needed"] > 1.0].nunique()
-    cost = f" and costs {sums['cost']:.2f}" if "cost" in sums else ""
-    peak = f" The schedule has a peak of {sums['peak_w'] / 1e3:.1f} kW{cost}." if "peak_w" in sums else ""
-    fails = " First {vehicle_id} lacks {missing_wh:.0f} Wh at {departs_at:.16} UTC."
-    peak += fails.format(**sums["fails_first"]) if sums.get("fails_first") else ""
     return (
-        f"Planned trips: {needs['trips'].sum()}. Together they take {sums['energy_wh'] / 1e3:.0f} kWh (median) and with {percent(night.probability, 0)} at most "
-        f"{sums['energy_quantile_wh'] / 1e3:.0f} kWh. Charged as listed, all have enough with {percent(sums['chance'], 1)}.{peak} To be charged, for "
-        f"departures of vehicles whose charge now is known ({needs['charge_wh'].count()} of {len(needs)}): {needs['charge_wh'].sum() / 1e3:.0f} kWh. "
+        f"Planned trips: {needs['trips'].sum()}. The charge now is known for {needs['charge_wh'].count()} of {len(needs)} departures. "
         f"Vehicles that have to charge between or on their trips, because a full battery does not suffice: {full}. What to leave with counts without "
         "charging between the trips; what to charge is the part of each hour. A vehicle that charges between its trips has a load for each part in "
         "emhass.json, and one plan for all of them, before its first departure, in evcc.txt."
@@ -368,16 +424,3 @@ def routes_table(routes: pd.DataFrame) -> Table:
 
     columns = Column("route", "trip"), in_words("car models", suitable), *map(charge_column, cars)
     return make_table("Charge that suffices", routes.to_dict("records"), *columns)
-
-
-def _shares_table(table: pd.DataFrame, key: str) -> Table:
-    """Tabulate the deviations, one row for each vehicle or driver."""
-    return make_table(
-        f"Every {key}, by deviation",
-        table.to_dict("records"),
-        Column(key, "driver" if key == "driver" else "vehicle_id"),
-        in_words("car model", "car_model"),
-        Column("trips", "trips", digits=0),
-        Column("more [%]", partial(_with_sd, "share")),
-        *(in_percent(f"{part.replace('_', ' ')} [%]", part) for part in PARTS),
-    )
