@@ -136,8 +136,8 @@ def test_the_report_is_a_folder_of_the_registry(fleet, registry, tmp_path):
     out = tmp_path / "out"
     begins = ("--begins", "2030-01-11 18:00", "--plug", 11000, "--probability", 0.9)
     text = run(*asked, "--planned", night, "--drivers", "--out", out, *begins)
-    assert "No vehicle changed" in text
-    assert "Planned trips: 2. Together" in text
+    assert "Vehicles whose consumption changed: 0" in text
+    assert "The planned trips of 2 vehicles take" in text
     assert text.endswith(f"{out / 'report.html'}\n")
     written = json.loads((out / "report.json").read_text("utf-8"))
     assert [row["vehicle_id"] for row in written["needs"]] == ["V00001", "V00002"]

@@ -320,9 +320,8 @@ def _show_report(result: ManagerReport, folder: Path) -> None:
     for sentence in result.sentences:
         say(sentence)
     for panel in result.panels():
-        if panel.key == "changes":
-            (table,) = panel.tables
-            print_table(table.caption, table.columns, table.rows, numbers=table.numbers)
+        if panel.key in ("needs", "routes"):
+            say(panel.caption)
     print_notes(result.notes)
     say(f"{folder / 'report.html'}")
 

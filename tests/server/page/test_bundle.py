@@ -10,9 +10,11 @@ from pathlib import Path
 import pytest
 
 import tripwatt.server.http
+import tripwatt.study.report
 
 WEB = Path(__file__).resolve().parents[3] / "web"
 PAGE = Path(tripwatt.server.http.__file__).with_name("page")
+REPORT = Path(tripwatt.study.report.__file__).with_name("templates")
 SOURCES = ("build.mjs", "icon.svg", "index.html", "package-lock.json", "package.json", "src", "tsconfig.json")
 FIRST_VISIT_BYTES, FONT_BYTES = 340_000, 48_256
 """What a first visit in English loads, and the font of it, which the style sheet names."""
@@ -54,6 +56,8 @@ def test_files_are_those_that_were_built(manifest: dict) -> None:
     assert found.keys() == manifest["files"].keys()
     for name, file in found.items():
         assert manifest["files"][name]["sha256"] == hashlib.sha256(file.read_bytes()).hexdigest(), name
+    for name, digest in manifest["report"].items():
+        assert digest == hashlib.sha256((REPORT / name).read_bytes()).hexdigest(), name
     of_map = {name: file.stat().st_size for name, file in found.items() if MAP_CODE.match(name)}
     assert len(of_map) == 3
     assert 500_000 < sum(of_map.values()) < LARGEST_MAP_BYTES
@@ -102,6 +106,6 @@ def test_nothing_inline_and_no_other_host() -> None:
 
 def test_everything_shipped_has_its_licence() -> None:
     shipped = json.loads((WEB / "package.json").read_text())["dependencies"]
-    licences = (PAGE / "licences.txt").read_text()
+    licences = (PAGE / "licences.txt").read_text() + (REPORT / "fleet.js").read_text()
     for name, version in shipped.items():
         assert f"{name} {version} (" in licences

@@ -32,11 +32,6 @@ class Table:
     text_columns: frozenset[int] = frozenset({0})
     strong: frozenset[int] = frozenset()
 
-    @property
-    def numbers(self) -> tuple[str, ...]:
-        """Heads of the columns of numbers."""
-        return tuple(head for k, head in enumerate(self.columns) if k not in self.text_columns)
-
 
 @dataclass(frozen=True, slots=True)
 class Column:

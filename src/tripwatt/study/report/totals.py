@@ -155,5 +155,5 @@ def drivers_by_name(posterior: GroupPosterior, rows: TripRows) -> pd.DataFrame:
         sums = trips[half].groupby(names)[["energy_wh", "expected_wh"]].sum()
         excess = (sums["energy_wh"] / sums["expected_wh"] - 1.0).rename(name)
         compared = compared.join(excess, on=names)
-    compared["none"] = ndtr(-compared["share"].abs() / compared["sd"])
+    compared["none"] = ndtr(-(compared["share"].abs() / compared["sd"]).astype(float))
     return compared.sort_values(["driver", "vehicle_id"], ignore_index=True)
