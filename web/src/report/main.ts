@@ -34,6 +34,7 @@ function filtersOf(table: HTMLTableElement): HTMLElement {
     select.add(new Option("\u2013", ""));
     for (const value of values) select.add(new Option(value));
     select.dataset.column = String(at);
+    select.ariaLabel = head.textContent;
     const label = document.createElement("label");
     label.append(`${head.textContent ?? ""} `, select);
     filters.append(label);

@@ -73,7 +73,7 @@ def trip_energies(posterior: GroupPosterior, rows: TripRows) -> pd.DataFrame:
         `expected_wh` [Wh]. The expectation has the weights of the car model, without the deviation of the vehicle and of the driver.
     """
     names = ["car_model", "vehicle_id", "driver"]
-    frame = rows.table.select([*names, "started_at", "distance_m"]).to_pandas()
+    frame: pd.DataFrame = rows.table.select([*names, "started_at", "distance_m"]).to_pandas()
     weights = {model: posterior.weights(model)[0] for model in frame["car_model"].unique()}
     correction = np.einsum("ij,ij->i", rows.X, frame["car_model"].map(weights).tolist()) if len(frame) else 0
     return frame.assign(
