@@ -327,7 +327,10 @@ def _describe_changes(changed: pd.DataFrame, what: str) -> str:
     rows = changed.assign(share=[number(value, 100.0, 0) for value in changed["change"]])[:5].to_dict(
         "records"
     )
-    count, named = changed["vehicle_id"].nunique(), listed([of.format_map(row) for row in rows])
+    count, named = (
+        changed["vehicle_id"].nunique(),
+        listed([of.format_map(row).replace(f" ({what})", "") for row in rows]),
+    )
     return str(_SAID["changes"].format(what=what, vehicles=count, named=named))
 
 

@@ -22,8 +22,6 @@ class Panel:
         Text below the title, also read by screen readers for the figure.
     figure : Figure or None
     tables : tuple of Table
-    folded : bool
-        Whether the tables start closed.
     """
 
     key: str
@@ -31,4 +29,3 @@ class Panel:
     caption: str = ""
     figure: Figure | None = None
     tables: tuple[Table, ...] = ()
-    folded: bool = False
