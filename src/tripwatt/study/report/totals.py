@@ -11,7 +11,7 @@ import pandas as pd
 
 from tripwatt.errors import Fault, raise_faults
 from tripwatt.fleet.deviations import deviations
-from tripwatt.fleet.nights import EFFICIENCY
+from tripwatt.fleet.charging import EFFICIENCY
 from tripwatt.fleet.statistics import TripRows
 from tripwatt.hybrid.groups import GroupPosterior
 from tripwatt.sources.columnar import open_table
