@@ -10,8 +10,8 @@ import numpy as np
 import pandas as pd
 
 from tripwatt.errors import Fault, raise_faults
-from tripwatt.fleet.deviations import deviations
 from tripwatt.fleet.charging import EFFICIENCY
+from tripwatt.fleet.deviations import deviations
 from tripwatt.fleet.statistics import TripRows
 from tripwatt.hybrid.groups import GroupPosterior
 from tripwatt.sources.columnar import open_table
