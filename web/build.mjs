@@ -14,6 +14,7 @@ const SOURCES = [
   "index.html",
   "package-lock.json",
   "package.json",
+  "report",
   "src",
   "tsconfig.json",
 ];
@@ -177,7 +178,7 @@ await writeFile(join(OUT, "index.html"), await pageOf(metafile.outputs));
 await writeFile(join(OUT, "licences.txt"), await licences([...SHIPPED, ...(await partsOfMap())]));
 const report = await build({
   absWorkingDir: HERE,
-  entryPoints: { fleet: "src/report/main.ts" },
+  entryPoints: { fleet: "report/main.ts" },
   outdir: process.argv[2] ?? REPORT,
   write: false,
   bundle: true,

@@ -8,7 +8,7 @@ export default tseslint.config(
   },
   js.configs.recommended,
   {
-    files: ["src/**/*.ts", "src/**/*.tsx", "test/**/*.ts"],
+    files: ["src/**/*.ts", "src/**/*.tsx", "report/*.ts", "test/**/*.ts"],
     extends: [tseslint.configs.strict, tseslint.configs.stylistic],
     rules: { eqeqeq: ["error", "always", { null: "ignore" }] },
   },
