@@ -13,7 +13,7 @@ from typing import Any, Final
 from sklearn.model_selection import KFold
 from tools.command import run
 from tools.docs import pages
-from tools.docs.tables import listed, markdown
+from tools.docs.tables import markdown
 
 import tripwatt as tw
 from benchmarks.cars import cars
@@ -21,6 +21,7 @@ from tripwatt.population.adapting import in_order
 from tripwatt.study.evaluation import Execution
 from tripwatt.study.report.intervals import STAR
 from tripwatt.study.report.tables import Column, in_words, make_table, number
+from tripwatt.study.report.words import listed
 from tripwatt.trips import Trip
 from tripwatt.vehicles import Vehicle
 

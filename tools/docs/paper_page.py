@@ -27,14 +27,14 @@ from tools.docs.paper_rows import (
     table2_row,
     tails_of,
 )
-from tools.docs.tables import listed, markdown
+from tools.docs.tables import markdown
 from tripwatt.study.evaluation.paper_studies import NEAREST
 from tripwatt.study.paper.correctors import SIMULATION
 from tripwatt.study.report.panels import paper_studies
 from tripwatt.study.report.panels.paired import SIGNIFICANCE_NOTE
 from tripwatt.study.report.tables import DASH, Column, Table, in_percent, make_table, number
 from tripwatt.study.report.view import Record, View
-from tripwatt.study.report.words import model_label
+from tripwatt.study.report.words import listed, model_label
 
 POWER_STEP_S: Final = 10
 """Spacing of rows of the power at which the fits of our engine and of mgcv are compared."""

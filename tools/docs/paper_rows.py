@@ -13,7 +13,6 @@ from pathlib import Path
 from typing import Any, Final, NamedTuple
 
 from tools.docs import transfer_page
-from tools.docs.tables import listed
 from tripwatt.hybrid.trip_table import COVARIATES
 from tripwatt.learners.forest import ClusteredForest
 from tripwatt.study.evaluation.paper_studies import CURVE_MODELS, NEAREST
@@ -23,7 +22,7 @@ from tripwatt.study.report.intervals import STAR
 from tripwatt.study.report.panels import paper_studies
 from tripwatt.study.report.tables import number, span
 from tripwatt.study.report.view import Record, View
-from tripwatt.study.report.words import percent, points
+from tripwatt.study.report.words import listed, percent, points
 
 PAPER_TABLE2: Final[Mapping[str, str]] = tomllib.loads(
     Path(__file__).with_name("paper_table2.toml").read_text("utf-8")

@@ -13,7 +13,7 @@ from typing import Any, Final
 
 from tools.docs.links_page import render_links
 from tools.docs.paper_page import render_paper_page
-from tools.docs.tables import CELLS_NOTE, intervals_side_by_side, listed, markdown, on_names
+from tools.docs.tables import CELLS_NOTE, intervals_side_by_side, markdown, on_names
 from tripwatt.errors import InvalidInput
 from tripwatt.files import write_bytes
 from tripwatt.study.evaluation import DEFAULT_PROTOCOL
@@ -22,6 +22,7 @@ from tripwatt.study.report.panels.results_table import results_table, sets_table
 from tripwatt.study.report.panels.uncertainty import coverage_by_set, scored_sets, updates_table
 from tripwatt.study.report.shortlist import short_table
 from tripwatt.study.report.view import View
+from tripwatt.study.report.words import listed
 from tripwatt.vehicles import load_vehicle
 
 

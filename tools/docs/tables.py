@@ -32,17 +32,6 @@ def on_names(view: View) -> str:
     return f"*{'*, *'.join(names)}*: {differs}." if names and differs else ""
 
 
-def listed(items: Sequence[str]) -> str:
-    """Join items with commas and a final `and`; returns "none" if there are no items.
-
-    Examples
-    --------
-    >>> listed(["a", "b", "c"])
-    'a, b and c'
-    """
-    return items[0] if len(items) == 1 else f"{', '.join(items[:-1])} and {items[-1]}" if items else "none"
-
-
 def markdown(table: Table) -> str:
     r"""A table as GitHub Markdown.
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from tripwatt.study.report.model_styles import model_style
@@ -36,3 +38,14 @@ def points(difference: float) -> str:
 def model_label(model: str) -> str:
     """Return a model's name for a sentence."""
     return printable(model_style(model).label)
+
+
+def listed(items: Sequence[str]) -> str:
+    """Join items with commas and a final `and`; returns "none" if there are no items.
+
+    Examples
+    --------
+    >>> listed(["a", "b", "c"])
+    'a, b and c'
+    """
+    return items[0] if len(items) == 1 else f"{', '.join(items[:-1])} and {items[-1]}" if items else "none"
