@@ -137,7 +137,7 @@ def test_the_report_is_a_folder_of_the_registry(fleet, registry, tmp_path):
     begins = ("--begins", "2030-01-11 18:00", "--plug", 11000, "--probability", 0.9)
     text = run(*asked, "--planned", night, "--drivers", "--out", out, *begins)
     assert "Vehicles whose consumption changed: 0" in text
-    assert "The planned trips of 2 vehicles take" in text
+    assert "Vehicles with planned trips: 2. They take" in text
     assert text.endswith(f"{out / 'report.html'}\n")
     written = json.loads((out / "report.json").read_text("utf-8"))
     assert [row["vehicle_id"] for row in written["needs"]] == ["V00001", "V00002"]
@@ -187,7 +187,7 @@ def test_the_report_names_what_it_leaves_out_and_assumes(fleet, registry, tmp_pa
         " is assumed (departures: 1 of 1)",
     ):
         assert text in done.stderr, text
-    assert "Planned trips: 1. Together" in done.stdout
+    assert "Planned trips: 1. The charge" in done.stdout
     assert "At −15 °C, a full battery" in done.stdout
     page = (registry.folder / "report" / "report.html").read_text("utf-8")
     assert "left out: unknown vehicle: trip b of nobody: vehicle_id" in page
@@ -198,7 +198,7 @@ def test_the_report_names_what_it_leaves_out_and_assumes(fleet, registry, tmp_pa
     night.write_text(header + rows.splitlines()[1] + "\n")
     nobody = CliRunner().invoke(app, [*map(str, asked)])
     assert nobody.exit_code == 1, nobody.output
-    assert "Planned trips: 0. Together" in nobody.stdout
+    assert "Planned trips: 0. The charge" in nobody.stdout
     night.write_text(header + rows.splitlines()[0] + "\n")
     warm = CliRunner().invoke(app, [*map(str, asked), "--ambient", "30"])
     assert warm.exit_code == 0, warm.output

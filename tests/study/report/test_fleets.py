@@ -188,10 +188,13 @@ def test_a_folder_has_a_file_for_each_program_and_none_of_an_earlier_report(tmp_
 
 def test_the_need_of_the_night_is_summed():
     page = report(night=night_of(needs_of(0.2))).page()
-    assert "Planned trips: 2. Together they take 9 kWh (median) and with 95\u00a0% at most 9 kWh." in page
-    assert "for departures of vehicles whose charge now is known (1 of 1): 6 kWh." in page
+    assert "Vehicles with planned trips: 1. They take 9 kWh (median), and with 95\u00a0% at most 9 kWh." in page
+    assert "6 kWh are to be charged" in page
+    assert "Planned trips: 2. The charge now is known for 1 of 1 departures." in page
     assert "does not suffice: 0." in page
-    assert "does not suffice: 1." in report(night=night_of(needs_of(None).assign(soc_needed=1.2))).page()
+    unknown = report(night=night_of(needs_of(None).assign(soc_needed=1.2))).page()
+    assert "does not suffice: 1." in unknown
+    assert "known for 0 of 1 departures" in unknown
 
 
 def test_routes_name_the_cars_that_can_drive_them():
@@ -268,7 +271,7 @@ def test_less_has_the_sign_of_the_other_numbers():
 def test_a_note_names_a_vehicle_only_where_it_is_about_it():
     needs = pd.concat([needs_of(0.2).assign(vehicle_id=car, reasons="time is unknown") for car in ("a", "b")])
     needs.iloc[1, needs.columns.get_loc("reasons")] += "; the car model is new"
-    assert report(needs=needs).notes == [
+    assert report(night=night_of(needs)).notes == [
         "time is unknown (departures: 2 of 2)",
         "b: the car model is new (departures: 1 of 2)",
     ]
