@@ -136,7 +136,7 @@ def test_the_report_is_a_folder_of_the_registry(fleet, registry, tmp_path):
     out = tmp_path / "out"
     begins = ("--begins", "2030-01-11 18:00", "--plug", 11000, "--probability", 0.9)
     text = run(*asked, "--planned", night, "--drivers", "--out", out, *begins)
-    assert "Vehicles whose consumption changed: 0" in text
+    assert "Vehicles whose consumption changed: none." in text
     assert "Vehicles with planned trips: 2. They take" in text
     assert text.endswith(f"{out / 'report.html'}\n")
     written = json.loads((out / "report.json").read_text("utf-8"))

@@ -327,11 +327,10 @@ def _describe_changes(changed: pd.DataFrame, what: str) -> str:
     rows = changed.assign(share=[number(value, 100.0, 0) for value in changed["change"]])[:5].to_dict(
         "records"
     )
-    count, named = (
-        changed["vehicle_id"].nunique(),
-        listed([of.format_map(row).replace(f" ({what})", "") for row in rows]),
-    )
-    return str(_SAID["changes"].format(what=what, vehicles=count, named=named))
+    count = changed["vehicle_id"].nunique()
+    named = listed([of.format_map(row).replace(f" ({what})", "") for row in rows])
+    in_all = f"; {count} in all" if count > len(rows) else ""
+    return str(_SAID["changes"].format(what=what, named=named, in_all=in_all))
 
 
 def _describe_tonight(night: Night | None, probability: float) -> str:
