@@ -23,14 +23,15 @@ from tools.command import run
 PARTS: Final = ("roads", "server", "fleet", "study", "gamm")
 """Rooms that are a part; all others together are the core. `gamm` is a distribution of its own."""
 BUDGETS: Final[Mapping[str, int]] = {
-    "core": 20_652,
-    "roads": 4_597,
-    "server": 6_002,
-    "fleet": 2_353,
-    "study": 4_692,
-    "gamm": 3_946,
+    "core": 20_500,
+    "roads": 4_531,
+    "server": 5_993,
+    "fleet": 2_583,
+    "study": 4_669,
+    "gamm": 3_865,
 }
-"""Most code lines of each part. They only fall: whoever needs lines finds them first. That of the roads is below the 4,800 of the house plan."""
+"""Most code lines of each part. They only fall: whoever needs lines finds them first. The fleet may have up to 3,400, for what a manager
+asks, where the others fall by as much. That of the roads is below the 4,800 of the house plan."""
 TABLE_ROWS: Final = 4
 """Rows of a table that count as one line of code: moving code into tables saves nothing."""
 MAX_FUNCTION: Final = 60
