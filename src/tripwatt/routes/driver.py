@@ -17,7 +17,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 import numpy.typing as npt
 
-from tripwatt.arrays import FloatArray, IntArray, running_sum
+from tripwatt.arrays import FloatArray, running_sum
 from tripwatt.errors import Fault, raise_faults
 
 
@@ -83,14 +83,11 @@ class SpeedProfile:
         Speed at each time [m/s].
     position_m : ndarray, shape (samples,)
         Distance driven until each time [m]; the last is the length of the route.
-    link : ndarray of int, shape (samples,)
-        Index of the link on which the car is; during a stop at the end of a link, the index of that link.
     """
 
     time_s: FloatArray
     speed_m_s: FloatArray
     position_m: FloatArray
-    link: IntArray
 
 
 def draw_dwell(stop_probability: npt.ArrayLike, style: DriverStyle, rng: np.random.Generator) -> FloatArray:
@@ -194,7 +191,7 @@ def speed_profile(
     driving_s = np.diff(position) * 2.0 / (node_speed[1:] + node_speed[:-1])
     waiting_s = np.zeros_like(position)
     waiting_s[ends] = dwell
-    return profile_over_time(position, node_speed, driving_s, waiting_s, ends, step_s)
+    return profile_over_time(position, node_speed, driving_s, waiting_s, step_s)
 
 
 def reachable_speed(
@@ -305,12 +302,7 @@ def autoregression(shocks: FloatArray, *weights: float) -> FloatArray:
 
 
 def profile_over_time(
-    position: FloatArray,
-    node_speed: FloatArray,
-    driving_s: FloatArray,
-    waiting_s: FloatArray,
-    ends: IntArray,
-    step_s: float,
+    position: FloatArray, node_speed: FloatArray, driving_s: FloatArray, waiting_s: FloatArray, step_s: float
 ) -> SpeedProfile:
     """Convert speed over distance to speed over time. Each node has an arrival and, after its standstill, a departure.
 
@@ -324,15 +316,13 @@ def profile_over_time(
         Time from each node to the next [s].
     waiting_s : ndarray, shape (nodes,)
         Standstill at each node [s]; 0 wherever the speed is not 0.
-    ends : ndarray of int, shape (links,)
-        Index of the node at which each link ends.
     step_s : float
         Time between two samples [s].
 
     Examples
     --------
     >>> at, speed = np.array([0.0, 4.0, 8.0]), np.array([0.0, 4.0, 0.0])
-    >>> profile_over_time(at, speed, np.array([2.0, 2.0]), np.array([1.0, 0.0, 0.0]), np.array([2]), 1.0).speed_m_s
+    >>> profile_over_time(at, speed, np.array([2.0, 2.0]), np.array([1.0, 0.0, 0.0]), 1.0).speed_m_s
     array([0., 0., 2., 4., 2., 0.])
     """
     arrival = running_sum(driving_s + waiting_s[:-1])
@@ -348,5 +338,4 @@ def profile_over_time(
     speed = np.where(is_at_node, node_speed[cell + 1], node_speed[cell] + slope * into_s)
     driven = position[cell] + into_s * (node_speed[cell] + 0.5 * slope * into_s)
     driven = np.where(is_at_node, position[cell + 1], driven)
-    link = np.searchsorted(ends, cell, side="right")
-    return SpeedProfile(time, speed, driven, np.asarray(link, dtype=np.int64))
+    return SpeedProfile(time, speed, driven)

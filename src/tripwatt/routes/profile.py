@@ -215,7 +215,7 @@ def link_profile(
     course = Course((length, *others), style, rng)
     speed, driving_s = course.solve()
     waiting_s = course.waiting(speed, driving_s, rng)
-    return profile_over_time(course.position, speed, driving_s, waiting_s, course.ends, step_s)
+    return profile_over_time(course.position, speed, driving_s, waiting_s, step_s)
 
 
 class Course:
