@@ -213,7 +213,7 @@ def _legs(trip: Recorded, samples: pd.DataFrame, cuts: Sequence[Cut]) -> tuple[l
     for _, piece in pieces if cuts and driven else ():
         if len(piece) > 1 and driven_m(piece) < DRIVEN_M:
             what = f"{driven_m(piece):.0f} m beside a cut are too short for a drive"
-            findings.append(between(piece, trip.trip_id, 0, -1, what, "trimmed"))
+            findings.append(between(piece, trip.trip_id, (0, -1), what, "trimmed"))
     if not driven:
         what = "the car did not move" if not cuts else "no part of the log with a moving car is left"
         speed, time = array(samples, "speed_m_s"), array(samples, "time_s")
@@ -243,7 +243,7 @@ def finding_of_cut(
     before = any(first < cut.first for first, _ in driven)
     after = any(first >= cut.stop for first, _ in driven)
     first, last = max(cut.first - 1, 0), min(cut.stop, len(samples) - 1)
-    return between(samples, trip_id, first, last, cut.what, "split" if before and after else "trimmed")
+    return between(samples, trip_id, (first, last), cut.what, "split" if before and after else "trimmed")
 
 
 def _leg(trip: Recorded, samples: pd.DataFrame, name: str, *, follows: bool) -> Recorded:

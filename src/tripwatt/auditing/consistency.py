@@ -159,7 +159,7 @@ def stopped_soc(trip: Recorded, capacity_ah: float, std: float) -> Finding | Non
     if before is None or abs(before.soc_change) < SMALLEST_SOC_CHANGE or not before.fits(capacity_ah, std):
         return None
     what = f"state of charge stays at {soc[stop]:.3f} while the battery delivers current: the sensor stopped"
-    return between(trip.samples, trip.trip_id, stop, -1, what, "noted")
+    return between(trip.samples, trip.trip_id, (stop, -1), what, "noted")
 
 
 @blanking
@@ -172,7 +172,7 @@ def blank_soc_faults(samples: pd.DataFrame, trip_id: str) -> Iterator[Change]:
         if bad.any():
             what = f"{signal_name(name)} of {np.nanmin(soc[bad]):g} in {int(bad.sum())} samples is a jump: these values are removed"
             soc = np.where(bad, np.nan, soc)
-            yield name, soc, between(samples, trip_id, *np.flatnonzero(bad)[[0, -1]], what, "noted")
+            yield name, soc, between(samples, trip_id, np.flatnonzero(bad), what, "noted")
         if name == "soc" and np.isfinite(soc).any():
             for finding in missing_soc(time, soc, trip_id):
                 yield name, None, finding

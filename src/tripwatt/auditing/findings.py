@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import wraps
 from typing import Final, Literal
@@ -10,7 +10,7 @@ from typing import Final, Literal
 import numpy as np
 import pandas as pd
 
-from tripwatt.arrays import BoolArray, FloatArray
+from tripwatt.arrays import BoolArray, FloatArray, IntArray
 
 Consequence = Literal["trimmed", "split", "set aside", "noted"]
 
@@ -98,11 +98,11 @@ def whole(samples: pd.DataFrame, trip_id: str, what: str, consequence: Consequen
 
 
 def between(
-    samples: pd.DataFrame, trip_id: str, first: int, last: int, what: str, consequence: Consequence
+    samples: pd.DataFrame, trip_id: str, rows: Sequence[int] | IntArray, what: str, consequence: Consequence
 ) -> Finding:
-    """Make a finding about the time from one sample to another."""
+    """Make a finding about the time from the first to the last of some rows."""
     time = array(samples, "time_s")
-    return Finding(trip_id, float(time[first]), float(time[last]), what, consequence)
+    return Finding(trip_id, float(time[rows[0]]), float(time[rows[-1]]), what, consequence)
 
 
 def blanking(rule: Rule) -> Callable[[pd.DataFrame, str], tuple[pd.DataFrame, list[Finding]]]:

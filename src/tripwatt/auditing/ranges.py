@@ -75,7 +75,7 @@ def blank_impossible(samples: pd.DataFrame, trip_id: str) -> Iterator[Change]:
         if name == "speed_m_s" and back.any():
             what = f"{int(back.sum())} samples of negative speed are treated as reversing"
             values = np.where(back, -values, values)
-            yield name, values, between(samples, trip_id, *np.flatnonzero(back)[[0, -1]], what, "noted")
+            yield name, values, between(samples, trip_id, np.flatnonzero(back), what, "noted")
         # 12_000.0: largest possible heating power: cabin heaters of passenger cars have 3 to 7 kW, twin
         # heaters about 10 kW
         highest = min(column.maximum, 12_000.0 if "heating" in name else np.inf)
@@ -92,7 +92,7 @@ def blank_impossible(samples: pd.DataFrame, trip_id: str) -> Iterator[Change]:
         what += f": {guess}" if guess else ""
         consequence: Consequence = "set aside" if many and name in MEASURED else "noted"
         blanked = np.full(len(values), np.nan) if guess else np.where(bad, np.nan, values)
-        yield name, blanked, between(samples, trip_id, *np.flatnonzero(bad)[[0, -1]], what, consequence)
+        yield name, blanked, between(samples, trip_id, np.flatnonzero(bad), what, consequence)
 
 
 def speed_spikes(time: FloatArray, speed: FloatArray) -> BoolArray:
@@ -172,7 +172,7 @@ def mend_heights(samples: pd.DataFrame, trip_id: str) -> Iterator[Change]:
         mended[known] = sound
         name = signal_name("elevation_m")
         what = f"{name} of {height[off[0]]:g} in {len(off)} samples is a jump: these values are removed"
-        yield "elevation_m", mended, between(samples, trip_id, known[off[0]], known[off[-1]], what, "noted")
+        yield "elevation_m", mended, between(samples, trip_id, known[off], what, "noted")
 
 
 def ambient_findings(samples: pd.DataFrame, trip_id: str) -> Iterator[Finding]:

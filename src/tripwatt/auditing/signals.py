@@ -95,7 +95,7 @@ def frozen_sensor_findings(samples: pd.DataFrame, trip_id: str) -> Iterator[Find
                 # 0.1: largest share of a drive in which the current may be frozen; beyond it the energy is
                 # unknown. Voltage varies only by a few percent
                 long = name == "current_a" and lasted > 0.1 * (time[-1] - time[0])
-                yield between(samples, trip_id, first, last, what, "set aside" if long else "noted")
+                yield between(samples, trip_id, (first, last), what, "set aside" if long else "noted")
     power = array(samples, "voltage_v") * array(samples, "current_a")
     with np.errstate(invalid="ignore"):
         # 20_000.0: power that heater, air conditioner and all other loads of a standing car stay below
@@ -105,7 +105,7 @@ def frozen_sensor_findings(samples: pd.DataFrame, trip_id: str) -> Iterator[Find
         if lasted >= 10.0 and last - first >= FEWEST_SAMPLES:  # a shorter run may be a start
             mean = float(np.mean(power[first:last])) / 1000.0
             what = f"the battery delivers {mean:.1f} kW for {lasted:.1f} s at standstill: the speed is frozen"
-            yield between(samples, trip_id, first, last - 1, what, "set aside")
+            yield between(samples, trip_id, (first, last - 1), what, "set aside")
 
 
 def filled_gaps(samples: pd.DataFrame, trip_id: str) -> Iterator[Finding]:
@@ -130,7 +130,7 @@ def filled_gaps(samples: pd.DataFrame, trip_id: str) -> Iterator[Finding]:
         is_long = lasted >= 10.0 and stop - first >= FEWEST_SAMPLES
         if is_long and are_lines(time[first : last + 1], [x[first : last + 1] for x in signals], tolerances):
             what = f"speed, voltage and current are straight lines for {lasted:.1f} s: a filled gap"
-            yield between(samples, trip_id, first, last, what, "set aside")
+            yield between(samples, trip_id, (first, last), what, "set aside")
 
 
 def are_lines(time: FloatArray, signals: list[FloatArray], tolerances: list[float]) -> bool:
@@ -196,11 +196,10 @@ def blank_stuck_heater(samples: pd.DataFrame, trip_id: str) -> Iterator[Change]:
             yield name, np.full(len(values), np.nan), whole(samples, trip_id, what, "noted")
         elif len(pulses) >= 3:  # fewer may be measurements
             what = f"{signal_name(name)} jumps up and back by more than {PULSE_W:g} W {len(pulses)} times: these values are removed"
-            finding = between(samples, trip_id, pulses[0][0], pulses[-1][1] - 1, what, "noted")
             removed = np.concatenate([np.arange(first, last) for first, last in pulses])
             blanked = values.copy()
             blanked[removed] = np.nan
-            yield name, blanked, finding
+            yield name, blanked, between(samples, trip_id, removed, what, "noted")
 
 
 def stuck_level(

@@ -86,4 +86,4 @@ def gap_findings(samples: pd.DataFrame, trip_id: str) -> Iterator[Finding]:
     if len(gaps):
         longest, total = f"{step[gaps].max():.1f} s", f"{step[gaps].sum():.1f} s in all"
         what = f"{len(gaps)} gaps of up to {longest}, {total}, filled by linear interpolation"
-        yield between(samples, trip_id, int(gaps[0]), int(gaps[-1]) + 1, what, "noted")
+        yield between(samples, trip_id, (gaps[0], gaps[-1] + 1), what, "noted")

@@ -132,9 +132,9 @@ class Road:
             if len(heights) == len(legs):
                 starts = np.cumsum([0.0, *legs_m[:-1]])
                 at = np.concatenate([start + leg[0] for start, leg in zip(starts, heights, strict=True)])
-                at, height = driven_positions(at, edges.length_m, edges.carried), [leg[1] for leg in heights]
-                known = {"elevation_position_m": at, "elevation_m": np.concatenate(height)}
-                links = replace(links, **known, flags=())
+                at = driven_positions(at, edges.length_m, edges.carried)
+                height_m = np.concatenate([leg[1] for leg in heights])
+                links = replace(links, elevation_position_m=at, elevation_m=height_m, flags=())
         positions = distances_m(points, sum(legs_m)), np.cumsum(legs_m)[:-1]
         position, ends = (driven_positions(at, edges.length_m, edges.carried) for at in positions)
         return cls(links, kinds, points[:, 0], points[:, 1], position, tuple(ends.tolist()))
