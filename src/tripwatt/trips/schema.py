@@ -62,12 +62,9 @@ def _is_numeric(values: pd.Series[Any]) -> bool:
 
     Truth values and complex numbers do not count.
     """
-    if isinstance(values.dtype, np.dtype):
-        return values.dtype.kind in "iuf"
-    types = pd.api.types
-    if not types.is_numeric_dtype(values) or types.is_bool_dtype(values) or types.is_complex_dtype(values):
-        return False
-    return not bool(values.isna().any())
+    types, own_type = pd.api.types, isinstance(values.dtype, np.dtype)
+    is_real = types.is_numeric_dtype(values) and not types.is_complex_dtype(values)
+    return is_real and not types.is_bool_dtype(values) and (own_type or not bool(values.isna().any()))
 
 
 def value_faults(samples: pd.DataFrame | Mapping[str, FloatArray], where: str) -> Iterator[Fault]:
