@@ -124,9 +124,8 @@ class Jobs:
         models = {name: load_model(folder) for name, folder in folders.items() if name not in fleets}
         if not folders:
             models = {DEFAULT_MODEL: load_model()}
-        return cls(
-            models, limits, JourneyJobs(atlas), CarJobs(cars, atlas and atlas.heights), fleets, folders
-        )
+        heights = None if atlas is None else atlas.heights
+        return cls(models, limits, JourneyJobs(atlas), CarJobs(cars, heights), fleets, folders)
 
     def warm_up(self) -> None:
         """Compute one forecast per model, so that the first request takes no longer than the others."""
