@@ -47,14 +47,6 @@ class ComponentProcess:
 
 
 @dataclass(frozen=True, eq=False)
-class Drift:
-    """A drift of one component: a process of unit variance and correlation time `time_s` [s], times `size_w` of each segment [W]."""
-
-    size_w: FloatArray
-    time_s: float
-
-
-@dataclass(frozen=True, eq=False)
 class PowerPrior:
     """Distribution of a trip's residual power before departure, for one component or their sum; its mean is 0.
 
@@ -64,8 +56,8 @@ class PowerPrior:
         Middle of each segment [s].
     constant_w : ndarray, shape (segments, any)
         Loadings of independent terms of unit variance that are constant over the trip [W].
-    drifts : tuple of Drift
-        Terms that change slowly over the trip.
+    drifts : tuple of (ndarray of shape (segments,), float)
+        Terms that change slowly over the trip: a process of unit variance, its size [W] in each segment and its correlation time [s].
     new_w2 : ndarray, shape (segments,)
         Variance of the independent part of each segment [W²].
 
@@ -88,7 +80,7 @@ class PowerPrior:
 
     time_s: FloatArray
     constant_w: FloatArray
-    drifts: tuple[Drift, ...]
+    drifts: tuple[tuple[FloatArray, float], ...]
     new_w2: FloatArray
 
     @classmethod
@@ -121,7 +113,7 @@ class PowerPrior:
         columns = [np.full(n, constant)] if constant > 0.0 else []
         columns += [part.share_sd * size for part, size, _ in parts if part.share_sd > 0.0]
         drifts = tuple(
-            Drift(
+            (
                 part.drift_sd_w * np.sqrt(1.0 + part.onset**2 * np.exp(-time_s / part.onset_time_s)),
                 part.drift_time_s,
             )
@@ -171,8 +163,8 @@ class PowerPrior:
         """
         constant = np.cumsum(hours[:, None] * self.constant_w, axis=0)
         variance = np.sum(constant**2, axis=1) + np.cumsum(hours**2 * self.new_w2)
-        for drift in self.drifts:
-            variance += drift_variance(self.time_s, hours * drift.size_w, drift.time_s)
+        for size_w, fading_s in self.drifts:
+            variance += drift_variance(self.time_s, hours * size_w, fading_s)
         return np.asarray(variance)
 
     def times(self, columns: FloatArray) -> FloatArray:
@@ -189,12 +181,11 @@ class PowerPrior:
             Covariance [W²] times `columns`.
         """
         product = self.constant_w @ (self.constant_w.T @ columns) + self.new_w2[:, None] * columns
-        for drift in self.drifts:
-            inner = drift.size_w[:, None] * columns
-            time = self.time_s
-            both = fading_sums(time, inner, drift.time_s) - inner
-            both += fading_sums(-time[::-1], inner[::-1], drift.time_s)[::-1]
-            product += drift.size_w[:, None] * both
+        for size_w, fading_s in self.drifts:
+            inner = size_w[:, None] * columns
+            both = fading_sums(self.time_s, inner, fading_s) - inner
+            both += fading_sums(-self.time_s[::-1], inner[::-1], fading_s)[::-1]
+            product += size_w[:, None] * both
         return np.asarray(product)
 
     def measured(self, seen: IntArray, power_w: FloatArray, variance_w2: FloatArray) -> MeasuredPower:
@@ -222,7 +213,7 @@ class PowerPrior:
         observed[seen] = power_w
         weight = np.where(is_seen, 1.0 / np.where(is_seen, self.new_w2 + error_w2, 1.0), 0.0)[: last + 1]
         S = self.constant_w[: last + 1]
-        sizes = np.array([drift.size_w[: last + 1] for drift in self.drifts]).reshape(J, last + 1).T
+        sizes = np.array([size_w[: last + 1] for size_w, _ in self.drifts]).reshape(J, last + 1).T
         solve = _band_solver(self, sizes, weight)
         border = (sizes[:, :, None] * (weight[:, None] * S)[:, None, :]).reshape((last + 1) * J, S.shape[1])
         X = solve(border)
@@ -235,9 +226,8 @@ class PowerPrior:
         mean = self.constant_w @ constants
         mean[: last + 1] += np.sum(sizes * drift_values, axis=1)
         mean[: last + 1] += self.new_w2[: last + 1] * weight * (observed - mean)[: last + 1]
-        ahead = np.arange(last + 1, n)
-        for j, drift in enumerate(self.drifts):
-            mean[ahead] += _carried(self, drift, last)[ahead] * drift_values[last, j]
+        for drift, value in zip(self.drifts, drift_values[last], strict=True):
+            mean[last + 1 :] += _carried(self.time_s, drift, last)[last + 1 :] * value
         return MeasuredPower(self, is_seen, error_w2, mean, solve, X, covariance)
 
     def averaged(self, weights: FloatArray, power_w: FloatArray, errors_w2: FloatArray) -> AveragedPower:
@@ -319,8 +309,8 @@ class MeasuredPower:
         # linear functions of constants and drifts: segments behind, the constants, and the drifts at the last segment
         m, k = len(behind), prior.constant_w.shape[1]
         local = np.zeros((len(self.X), m + J))
-        for j, drift in enumerate(prior.drifts):
-            local[behind * J + j, np.arange(m)] = known[behind] * drift.size_w[behind]
+        for j, (size_w, _) in enumerate(prior.drifts):
+            local[behind * J + j, np.arange(m)] = known[behind] * size_w[behind]
             local[last * J + j, m + j] = 1.0
         fixed = np.concatenate([known[behind, None] * prior.constant_w[behind], np.zeros((J, k))])
         free = fixed - local.T @ self.X
@@ -333,15 +323,15 @@ class MeasuredPower:
         variance = np.cumsum(variance)
         # ahead: sums over segments of the power by the constants and the last drifts
         tail = np.arange(len(hours)) > last
-        carried = (_carried(prior, drift, last) for drift in prior.drifts)
+        carried = (_carried(prior.time_s, drift, last) for drift in prior.drifts)
         power_w = np.column_stack([prior.constant_w, *carried])  # by unit constants and unit last drifts
         reach = np.cumsum(np.where(tail, hours, 0.0)[:, None] * power_w, axis=0)
         state = np.block([[self.constant_covariance, cross[m:].T], [cross[m:], inner[m:, m:]]])
         with_behind = np.concatenate([at @ cross[:m], at @ inner[:m, m:]])
         variance += np.einsum("ij,jk,ik->i", reach, state, reach) + 2.0 * reach @ with_behind
-        for j, drift in enumerate(prior.drifts):
-            weight = np.where(tail, hours, 0.0) * drift.size_w
-            variance += drift_variance(prior.time_s, weight, drift.time_s) - reach[:, k + j] ** 2
+        for j, (size_w, fading_s) in enumerate(prior.drifts):
+            weight = np.where(tail, hours, 0.0) * size_w
+            variance += drift_variance(prior.time_s, weight, fading_s) - reach[:, k + j] ** 2
         variance += np.cumsum(hours**2 * prior.new_w2 * known)
         return np.asarray(np.sqrt(np.maximum(variance, 0.0)))
 
@@ -405,10 +395,10 @@ ResidualPower = PowerPrior | MeasuredPower | AveragedPower | PowerSum
 their covariance `covariance_w2` [W²], and `sd_wh(hours)`, the standard deviation of the cumulative energy [Wh]."""
 
 
-def _carried(prior: PowerPrior, drift: Drift, last: int) -> FloatArray:
+def _carried(time_s: FloatArray, drift: tuple[FloatArray, float], last: int) -> FloatArray:
     """Expected power of each segment if the drift is 1 at the last measured segment [W]."""
-    since = np.maximum(prior.time_s - prior.time_s[last], 0.0)
-    return np.asarray(drift.size_w * np.exp(-since / drift.time_s))
+    size_w, fading_s = drift
+    return np.asarray(size_w * np.exp(-np.maximum(time_s - time_s[last], 0.0) / fading_s))
 
 
 def _band_solver(
@@ -422,9 +412,9 @@ def _band_solver(
         return lambda columns: columns
     band = np.zeros((J + 1, n * J))
     step = np.diff(prior.time_s[:n])
-    for j, drift in enumerate(prior.drifts):
-        rho = np.exp(-step / drift.time_s)
-        free = -1.0 / np.expm1(-2.0 * step / drift.time_s)  # 1 / (1 - rho²)
+    for j, (_, fading_s) in enumerate(prior.drifts):
+        rho = np.exp(-step / fading_s)
+        free = -1.0 / np.expm1(-2.0 * step / fading_s)  # 1 / (1 - rho²)
         diagonal = np.ones(n)
         diagonal[1:] += free - 1.0
         diagonal[:-1] += rho**2 * free
