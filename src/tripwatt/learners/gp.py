@@ -258,15 +258,13 @@ class AdditiveGP:
         """Columns of a smooth term in units of its length scale."""
         return [held[c] / (self.sds_[c] * term.length) for c in term.columns]
 
-    def _slices(self) -> list[slice]:
-        """Slice of the features of each term."""
-        sizes = [1 if t.kind == "line" else self.whiteners_[i].shape[1] for i, t in enumerate(self.terms)]
-        ends = np.cumsum(sizes).tolist()
-        return [slice(end - size, end) for size, end in zip(sizes, ends, strict=True)]
+    def _sizes(self) -> list[int]:
+        """Number of features of each term."""
+        return [1 if t.kind == "line" else self.whiteners_[i].shape[1] for i, t in enumerate(self.terms)]
 
     def _by_feature(self, of_terms: npt.ArrayLike) -> FloatArray:
         """Repeat a value of each term for all features of the term."""
-        return np.repeat(np.asarray(of_terms), [s.stop - s.start for s in self._slices()])
+        return np.repeat(np.asarray(of_terms), self._sizes())
 
     def _features(self, X: pd.DataFrame) -> FloatArray:
         blocks = []
@@ -284,7 +282,8 @@ class AdditiveGP:
 
     def _fit_totals(self, totals: FloatArray, target: FloatArray, effects: FloatArray) -> None:
         """Fit the variances, then the posterior of the features' weights; outlying clusters count less."""
-        kernels = np.array([totals[:, s] @ totals[:, s].T for s in self._slices()])
+        of_terms = np.split(totals, np.cumsum(self._sizes())[:-1], axis=1)
+        kernels = np.array([part @ part.T for part in of_terms])
         scale = np.ones(len(target))  # latent scale of the t distribution of each cluster's own effects
         self.variances_ = self._variances(kernels, target, effects, scale)
         # three passes; a choice
@@ -359,13 +358,10 @@ class AdditiveGP:
 def _columns(X: pd.DataFrame) -> dict[str, FloatArray]:
     """Numeric columns by name; a table of floats only is converted at once."""
     values = X.to_numpy()
-    if values.dtype == np.float64:
-        return dict(zip(X.columns.tolist(), values.T, strict=True))
-    return {
-        name: np.asarray(X[name], dtype=np.float64)
-        for name in X.columns
-        if pd.api.types.is_numeric_dtype(X[name])
-    }
+    if values.dtype != np.float64:
+        X = X.select_dtypes(["number", "bool"])
+        values = X.to_numpy(np.float64, na_value=np.nan)
+    return dict(zip(X.columns.tolist(), values.T, strict=True))
 
 
 def _squared_exponential(columns: Sequence[FloatArray], points: FloatArray) -> FloatArray:
