@@ -175,9 +175,9 @@ def speed_profile(
         steadiness = np.exp(style.fluctuation * smooth_noise(at_speed_s, style.fluctuation_time_s, rng))
         # the pressure on a pedal changes over 1.5 s, and is three tenths of comfort at least; choices
         pressure = 1.0 - 2.0 * style.fluctuation * (1.0 + smooth_noise(at_speed_s, 1.5, rng))
-        effort = np.clip(pressure[1:], 0.3, 1.0)
+        weighted_m = running_sum(np.clip(pressure[1:], 0.3, 1.0) * np.diff(position))
     else:
-        steadiness, effort = np.ones_like(position), None
+        steadiness, weighted_m = np.ones_like(position), position
     share = style.speed_share * steadiness
     # mirrored at the limit: with clipping, the car would cruise exactly at the limit
     share = np.where(share > 1.0, 2.0 - share, share)
@@ -187,16 +187,14 @@ def speed_profile(
     aimed[0] = aimed[-1] = 0.0
     aimed[stops] = 0.0
 
-    node_speed = reachable_speed(position, aimed, style, effort)
+    node_speed = reachable_speed(weighted_m, aimed, style)
     driving_s = np.diff(position) * 2.0 / (node_speed[1:] + node_speed[:-1])
     waiting_s = np.zeros_like(position)
     waiting_s[ends] = dwell
     return profile_over_time(position, node_speed, driving_s, waiting_s, step_s)
 
 
-def reachable_speed(
-    position_m: FloatArray, aimed_m_s: FloatArray, style: DriverStyle, effort: FloatArray | None = None
-) -> FloatArray:
+def reachable_speed(weighted_m: FloatArray, aimed_m_s: FloatArray, style: DriverStyle) -> FloatArray:
     """Highest speed at each point that keeps to the aimed speeds and to the driver's acceleration and deceleration. O(n).
 
     With an acceleration `a(v)` the potential `u(v) = ∫ v / a(v) dv` grows by at most one metre per metre driven, so
@@ -205,13 +203,12 @@ def reachable_speed(
 
     Parameters
     ----------
-    position_m : ndarray, shape (n,)
-        Increasing [m].
+    weighted_m : ndarray, shape (n,)
+        Distance from the start [m], increasing. A piece on which only a share of the style's acceleration and deceleration is used
+        counts as that share of its length.
     aimed_m_s : ndarray, shape (n,)
         Highest speed that the driver aims at, at each point [m/s].
     style : DriverStyle
-    effort : ndarray, shape (n - 1,), optional
-        Share of the style's acceleration and deceleration used between two points, in (0, 1]; 1 by default.
 
     Returns
     -------
@@ -225,18 +222,17 @@ def reachable_speed(
     array([0.        , 2.82842712, 0.        ])
     """
     # a(v) = a0 / (1 + v²/h²) gives a0 u = v²/2 + v⁴/(4 h²), which inverts in closed form
-    weighted_m = position_m if effort is None else running_sum(effort * np.diff(position_m))
     half_squared = style.half_acceleration_speed_m_s**2
-    squared = aimed_m_s**2
-    potential_m = (squared**2 / (4.0 * half_squared) + squared / 2.0) / style.acceleration_m_s2
+    up, down = style.acceleration_m_s2, style.deceleration_m_s2
+    squared = aimed_m_s * aimed_m_s
+    potential_m = (squared * squared / (4.0 * half_squared) + squared / 2.0) / up
     forward = np.minimum.accumulate(potential_m - weighted_m) + weighted_m
     # the rationalised root of the quadratic, exact also where v << h
-    scaled = np.maximum(forward, 0.0) * (2.0 * style.acceleration_m_s2)
-    root = np.sqrt(2.0 * scaled / half_squared + 1.0) + 1.0
-    squared = np.minimum(squared, 2.0 * scaled / root)
-    after = squared / (2.0 * style.deceleration_m_s2) + weighted_m
+    scaled = np.maximum(forward, 0.0) * (4.0 * up)
+    squared = np.minimum(squared, scaled / (np.sqrt(scaled / half_squared + 1.0) + 1.0))
+    after = squared / (2.0 * down) + weighted_m
     backward = np.minimum.accumulate(after[::-1])[::-1] - weighted_m
-    return np.sqrt(np.minimum(squared, np.maximum(backward, 0.0) * (2.0 * style.deceleration_m_s2)))
+    return np.sqrt(np.minimum(squared, np.maximum(backward, 0.0) * (2.0 * down)))
 
 
 def smooth_noise(at: FloatArray, memory: float, rng: np.random.Generator) -> FloatArray:

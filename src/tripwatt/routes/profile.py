@@ -222,9 +222,10 @@ class Course:
     """The grid of cells over the links, and the solver for the delays of the links.
 
     Per link: `limit` is the speed limit (infinite if unknown), `free` the speed without disturbance, `time` the travel time
-    without the given stops, `ends` the last node. Per cell: `link` is the index of its link. Per node: `ramp` is a speed that
-    is allowed in any case because a neighbouring link is faster. A dip is a place at which the car slows down or stops; each
-    has a node (`dip_node`) and a link (`dip_link`).
+    without the given stops, `fastest` the highest speed that is tried, `ends` the last node, `cells` the number of its cells, and
+    `nodes` that of its nodes: one more on the first link. Per cell: `link` is the index of its link, `cell_m` its length. Per node:
+    `ramp` is a speed that is allowed in any case because a neighbouring link is faster. A dip is a place at which the car slows down
+    or stops; each has a node (`dip_node`) and a link (`dip_link`).
     """
 
     def __init__(
@@ -249,9 +250,10 @@ class Course:
         # twelve cells a dip let the car move between two stops and between a stop and the link's end
         cells = np.maximum(np.maximum(np.ceil(length / spacing), 4), 12 * dips).astype(np.int64)
         self.ends = np.cumsum(cells)
-        self.link = np.repeat(np.arange(n), cells)
-        self.position = running_sum((length / cells)[self.link])
+        self.position = running_sum(np.repeat(length / cells, cells))
         self.position[self.ends] = np.cumsum(length)
+        self.cell_m, self.link = np.diff(self.position), np.repeat(np.arange(n), cells)
+        self.cells, self.nodes = cells, cells + (np.arange(n) == 0)
         self.dip_link = np.repeat(np.arange(n), dips)
         index = np.arange(len(self.dip_link)) - np.repeat(np.cumsum(dips) - dips, dips)
         place = style.stop_place if rng is None else rng.uniform(0.2, 0.8, len(self.dip_link))
@@ -264,12 +266,12 @@ class Course:
         at_rest = np.zeros(n, dtype=bool)
         at_rest[[0, -1]] = np.isnan(stop[[0, -1]])
         self.max_delay = np.where(at_rest & (dips == 0), 0.0, max_delay)
-        # a link with a place to stop, and one that begins or ends at rest, has a place at which the car can wait
-        self.can_wait = (self.max_delay == 1.0) | (self.max_delay == 0.0)
-        self.fastest = np.minimum(np.maximum(self.free, _HURRY * mean + 2.0), self.limit)
-        self.ramp = ramp_speeds(self.position, self.ends, np.minimum(self.free, _HURRY * mean + 2.0), style)
-        for side in (self.ramp[1:], self.ramp[:-1]):
-            np.minimum(side, self.limit[self.link], out=side)
+        self.has_dip = dips > 0
+        self.can_wait = self.has_dip | at_rest
+        in_time = _HURRY * mean + 2.0
+        self.fastest = np.minimum(np.maximum(self.free, in_time), self.limit)
+        self.ramp = ramp_speeds(self.position, self.ends, np.minimum(self.free, in_time), style)
+        np.minimum(self.ramp, self.of_neighbours(self.limit), out=self.ramp)
 
     def drive(self, delay: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Speed at the nodes [m/s] and driving time between them [s], given the delay of each link.
@@ -277,20 +279,23 @@ class Course:
         A negative delay means more speed and firmer acceleration and braking. A positive delay slows the car down at the dips
         of the link; on a link without dips it lowers the speed throughout.
         """
-        has_dip = self.max_delay == 1.0
-        share = np.where(has_dip, 1.0 - np.minimum(delay, 0.0), 1.0 - delay)
-        cruise = np.minimum(self.free * share, self.fastest)
+        share = np.where(self.has_dip, 1.0 - np.minimum(delay, 0.0), 1.0 - delay)
         effort = np.minimum(self.style.comfort * (1.0 + _FIRMER * np.maximum(-delay, 0.0)), 1.0)
-        cell = cruise[self.link]
-        aim = np.zeros(len(self.position))
-        np.minimum(cell[1:], cell[:-1], out=aim[1:-1])
-        np.maximum(aim[1:], self.ramp[1:] * np.minimum(share, 1.0)[self.link], out=aim[1:])
+        aim = self.of_neighbours(np.minimum(self.free * share, self.fastest))
+        np.maximum(aim, self.ramp * np.repeat(np.minimum(share, 1.0), self.nodes), out=aim)
         aim[[0, -1]] = 0.0
         slow = self.free[self.dip_link] * (1.0 - np.clip(delay[self.dip_link], 0.0, 1.0))
         aim[self.dip_node] = np.minimum(aim[self.dip_node], slow)
         aim[self.ends[self.stop > 0]] = 0.0
-        speed = reachable_speed(self.position, aim, self.style.driver, effort[self.link])
-        return speed, np.diff(self.position) * 2.0 / (speed[1:] + speed[:-1])
+        weighted_m = running_sum(np.repeat(effort, self.cells) * self.cell_m)
+        speed = reachable_speed(weighted_m, aim, self.style.driver)
+        return speed, self.cell_m * 2.0 / (speed[1:] + speed[:-1])
+
+    def of_neighbours(self, values: FloatArray) -> FloatArray:
+        """The lower of the values of the two cells at each node, given a value of each link."""
+        lowest = np.repeat(values, self.nodes)
+        lowest[:-1] = np.minimum(lowest[:-1], lowest[1:])
+        return lowest
 
     def solve(self) -> tuple[FloatArray, FloatArray]:
         """Find the delays that reproduce the travel times, for all links at once; return the result of `drive` for them.
@@ -298,7 +303,7 @@ class Course:
         The secant method is used. Neighbouring links influence each other, so a secant may mislead: a delay changes at most by
         a step, which grows while the sign of the link's error is the same and is halved when the sign changes.
         """
-        delay = np.where(self.max_delay == 1.0, 0.4, 0.0)
+        delay = np.where(self.has_dip, 0.4, 0.0)
         min_delay = np.minimum(1.0 - self.fastest / self.free, (1.0 - 1.0 / self.style.comfort) / _FIRMER)
         # a choice: links of 250 m and of 1 km then take the fewest passes
         step = np.full(delay.shape, 0.12)
@@ -308,7 +313,7 @@ class Course:
         # a bound of the time; a choice
         for _ in range(30):
             speed, driving_s = self.drive(delay)
-            late_s = np.bincount(self.link, driving_s, len(delay)) - self.time
+            late_s = np.bincount(self.link, driving_s) - self.time
             with np.errstate(divide="ignore", invalid="ignore"):
                 slope = np.where(change != 0.0, (late_s - previous_late_s) / change, slope)
             # settled: in tolerance, or early with a stop in which the car can wait, or late and as fast as possible
@@ -332,7 +337,7 @@ class Course:
     ) -> FloatArray:
         """Standstill at each node [s]: the given stops, and the time that driving leaves over."""
         n = len(self.length)
-        spare_s = np.maximum(self.time - np.bincount(self.link, driving_s, n), 0.0)
+        spare_s = np.maximum(self.time - np.bincount(self.link, driving_s), 0.0)
         # a car that has slowed down to half a metre per second counts as stopped; a choice
         stands = speed[self.dip_node] < 0.5
         # start and end of the route count as stops of the first and the last link
