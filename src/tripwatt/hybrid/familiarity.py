@@ -18,6 +18,7 @@ import pandas as pd
 
 from tripwatt.arrays import FloatArray
 from tripwatt.errors import Fault, raise_faults
+from tripwatt.learners.gp import float_columns
 from tripwatt.trips import TEMPERATURES
 
 FADING: Final = (*TEMPERATURES, "speed_m_s", "trip_speed_m_s")
@@ -41,8 +42,7 @@ class Range:
     def beyond(self, values: npt.ArrayLike) -> FloatArray:
         """Distance outside the range, in standard deviations; 0 inside the range or for an unknown value."""
         values = np.asarray(values, dtype=np.float64)
-        distance = np.fmax(np.maximum(self.low - values, values - self.high), 0.0) / self.sd
-        return np.asarray(np.where(np.isfinite(values), distance, 0.0))
+        return np.fmax(np.maximum(self.low - values, values - self.high), 0.0) / self.sd
 
     @classmethod
     def from_values(cls, values: npt.ArrayLike) -> Range | None:
@@ -109,7 +109,8 @@ class Familiarity:
 
     def distances(self, features: pd.DataFrame) -> dict[str, FloatArray]:
         """Distance of each row outside of each range, in standard deviations: covariate -> shape (rows,)."""
-        return {name: seen.beyond(features[name]) for name, seen in self.ranges.items() if name in features}
+        columns = float_columns(features)
+        return {name: seen.beyond(columns[name]) for name, seen in self.ranges.items() if name in columns}
 
     def share(self, features: pd.DataFrame) -> FloatArray:
         """Share of the correction that counts in each row, shape (rows,): 1 inside the ranges, towards 0 far outside.

@@ -142,7 +142,7 @@ class AdditiveGP:
         target = np.asarray(np.bincount(codes, np.asarray(y, dtype=np.float64) * w), dtype=np.float64)
         effects: list[FloatArray] = [np.asarray(np.bincount(codes, w), dtype=np.float64)]
         if self.share_column is not None:
-            share = self._fill_missing(_columns(X)[self.share_column], self.share_column)
+            share = self._fill_missing(float_columns(X)[self.share_column], self.share_column)
             effects.append(np.asarray(np.bincount(codes, np.abs(share) * w), dtype=np.float64))
         self._measured2 = np.zeros(len(labels)) if total_sd is None else np.square(np.asarray(total_sd))
         self._fit_totals(totals, target, np.array(effects))
@@ -181,7 +181,7 @@ class AdditiveGP:
         variance far outside. Each column of the result is the root of this, the error of one term, common to all rows of a
         group. Columns of `X` in `at_most` are limited to the given values; those in `inside` count as inside of their range.
         """
-        columns = _columns(X)
+        columns = float_columns(X)
         columns |= {name: np.minimum(columns[name], most) for name, most in at_most.items()}
         smooth = [(i, term) for i, term in enumerate(self.terms) if term.kind == "smooth"]
         names = dict.fromkeys(c for _, term in smooth for c in term.columns if c not in inside)
@@ -235,7 +235,7 @@ class AdditiveGP:
             self.sds_[name] = float(known.std()) or 1.0 if len(known) else 1.0
             self.ranges_[name] = (float(known.min()), float(known.max())) if len(known) else (0.0, 0.0)
         self.points_, self.whiteners_ = {}, {}
-        columns = _columns(X)
+        columns = float_columns(X)
         for i, term in ((i, term) for i, term in enumerate(self.terms) if term.kind == "smooth"):
             held = {c: self._held(columns, c) for c in term.columns}
             z = np.unique(np.column_stack(self._standard(held, term)).round(3), axis=0)
@@ -269,7 +269,7 @@ class AdditiveGP:
     def _features(self, X: pd.DataFrame) -> FloatArray:
         blocks = []
         smooth = dict.fromkeys(c for term in self.terms if term.kind == "smooth" for c in term.columns)
-        columns = _columns(X)
+        columns = float_columns(X)
         held = {name: self._held(columns, name) for name in smooth}
         for i, term in enumerate(self.terms):
             if term.kind == "line":
@@ -355,7 +355,7 @@ class AdditiveGP:
         return np.asarray((self.df + squared) / (self.df + 1.0))
 
 
-def _columns(X: pd.DataFrame) -> dict[str, FloatArray]:
+def float_columns(X: pd.DataFrame) -> dict[str, FloatArray]:
     """Numeric columns by name; a table of floats only is converted at once."""
     values = X.to_numpy()
     if values.dtype != np.float64:
