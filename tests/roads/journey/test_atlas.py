@@ -2,6 +2,7 @@
 
 import json
 from dataclasses import replace
+from types import SimpleNamespace
 
 import pytest
 from tests.roads.journey.made import MADE
@@ -48,7 +49,8 @@ def test_every_fault_of_an_atlas_is_named(tmp_path, monkeypatch):
 
 def test_places_lie_at_most_a_margin_outside_of_a_map():
     south, west, north, east = bounds_deg = (46.9, 8.9, 47.1, 9.2)
-    atlas = replace(MADE, is_local=True, bounds_deg=bounds_deg)
+    folder = SimpleNamespace(info={"bounds_deg": [*bounds_deg]}, covers="")
+    atlas = replace(MADE, is_local=True, folder=folder)
 
     def corners(beyond_deg):
         lat = (south - MARGIN_DEG - beyond_deg, 47.0, north + MARGIN_DEG + beyond_deg)

@@ -74,10 +74,7 @@ def test_the_map_holds_roads_places_and_elevation(built: MapFolder) -> None:
 @pytest.fixture(scope="session")
 def places(built: MapFolder) -> Atlas:
     """The places and the end of the map; its roads are not asked."""
-    bounds = tuple(built.info["bounds_deg"])
-    return Atlas(
-        open_server("osrm=http://127.0.0.1:9"), built.index, bounds_deg=bounds, folder=built, is_local=True
-    )
+    return Atlas(open_server("osrm=http://127.0.0.1:9"), built.index, folder=built, is_local=True)
 
 
 def test_an_atlas_has_the_heights_of_its_map(places: Atlas, built: MapFolder) -> None:

@@ -11,6 +11,7 @@ from typing import Final
 from tripwatt.errors import Check, InvalidInput
 from tripwatt.roads.maps import ATTRIBUTION, KnownHeights, MapFolder, Station, open_map, read_stations, within
 from tripwatt.roads.maps.elevation import MARGIN_DEG, Elevation
+from tripwatt.roads.maps.engine import router_in_process
 from tripwatt.roads.routers import Router, ValhallaRouter, is_server, open_server
 from tripwatt.roads.search import PlaceSearch, find_place, open_search
 from tripwatt.roads.weather import WeatherServer, WeatherSource
@@ -68,10 +69,6 @@ class Atlas:
         Charging stations; empty if none are known.
     weather : WeatherSource or None
         Source of weather forecasts; None if there is none.
-    attribution : str
-        Text that has to be shown beside a road or a place.
-    bounds_deg : tuple of float or None
-        South, west, north and east of the map folder; None without bounds.
     folder : MapFolder or None
         The folder of the map; None if there is only a server of roads.
     is_local : bool
@@ -93,10 +90,19 @@ class Atlas:
     places: PlaceSearch | None = None
     stations: tuple[Station, ...] = ()
     weather: WeatherSource | None = None
-    attribution: str = ATTRIBUTION
-    bounds_deg: Bounds | None = None
     folder: MapFolder | None = field(default=None, repr=False)
     is_local: bool = False
+
+    @property
+    def attribution(self) -> str:
+        """Text that has to be shown beside a road or a place."""
+        return ATTRIBUTION if self.folder is None else str(self.folder.info.get("attribution", ATTRIBUTION))
+
+    @property
+    def bounds_deg(self) -> Bounds | None:
+        """South, west, north and east of the map folder; None without bounds."""
+        bounds = None if self.folder is None else self.folder.info.get("bounds_deg")
+        return None if bounds is None else (bounds[0], bounds[1], bounds[2], bounds[3])
 
     @property
     def has_tiles(self) -> bool:
@@ -244,17 +250,7 @@ def open_atlas(settings: AtlasSettings | Path | str | None = None) -> Atlas:
         if settings.stations:
             stations = check(read_stations, settings.stations)
     assert router is not None  # `check` has raised its fault otherwise
-    bounds = None if folder is None else folder.info.get("bounds_deg")
-    return Atlas(
-        router,
-        places,
-        stations,
-        weather,
-        attribution=ATTRIBUTION if folder is None else folder.info.get("attribution", ATTRIBUTION),
-        bounds_deg=None if bounds is None else (bounds[0], bounds[1], bounds[2], bounds[3]),
-        folder=folder,
-        is_local=folder is not None and not is_server(name),
-    )
+    return Atlas(router, places, stations, weather, folder, folder is not None and not is_server(name))
 
 
 def _open_roads(name: str) -> tuple[Router, MapFolder | None]:
@@ -265,7 +261,7 @@ def _open_roads(name: str) -> tuple[Router, MapFolder | None]:
         )
     if not is_server(name):
         folder = open_map(name)
-        return folder.router, folder
+        return router_in_process(folder.folder), folder
     folder_name, separator, url = name.partition("@")
     if separator and "://" not in folder_name:
         return open_server(url, "--map"), open_map(folder_name)

@@ -13,10 +13,9 @@ from typing import Any, Final
 from tripwatt.errors import Check, Fault, InvalidInput, raise_faults
 from tripwatt.files import read_text_file, replace_folder
 from tripwatt.roads.maps.elevation import Elevation, needed, tile_name
-from tripwatt.roads.maps.engine import build_tiles, require_valhalla, router_in_process
+from tripwatt.roads.maps.engine import build_tiles, require_valhalla
 from tripwatt.roads.maps.extract import Named, read_objects
 from tripwatt.roads.maps.index import PlaceIndex, write_index
-from tripwatt.roads.routers.valhalla import ValhallaRouter
 
 INFO_NAME: Final = "map.json"
 INDEX_NAME: Final = "places.sqlite"
@@ -59,11 +58,6 @@ class MapFolder:
         *others, last = names or [""]
         around = f" around {', '.join(others)}{' and ' if others else ''}{last}" if last else ""
         return f"{_span(south, north, 'SN')} and {_span(west, east, 'WE')}{around} ({self.info['extract']})"
-
-    @cached_property
-    def router(self) -> ValhallaRouter:
-        """Router by Valhalla in this process."""
-        return router_in_process(self.folder)
 
 
 def open_map(folder: Path | str) -> MapFolder:
