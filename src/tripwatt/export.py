@@ -136,11 +136,8 @@ def consumption_curve(
     """
     departure = departure or Departure()
     physics = _Driver(vehicle, departure)
-    drive = physics
-    if correction is not None:
-        slow = physics.steady(LOWEST_KM_H * M_S_PER_KM_H)
-        slowest_w = correction(slow) * SECONDS_PER_HOUR / slow.duration_s
-        drive = _Driver(vehicle, departure, correction, slowest_w)
+    correction, slow = correction or physics.correction, physics.steady(LOWEST_KM_H * M_S_PER_KM_H)
+    drive = _Driver(vehicle, departure, correction, correction(slow) * SECONDS_PER_HOUR / slow.duration_s)
     speeds, levels = [], []
     for speed in range(LOWEST_KM_H, HIGHEST_KM_H + 1, STEP_KM_H):
         level, flags = drive.constant(speed * M_S_PER_KM_H)
