@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import fields, replace
+from dataclasses import replace
 
 from tripwatt.vehicles import Vehicle
 from tripwatt.vehicles.anchors import ROAD_GAIN
 from tripwatt.vehicles.parts import ROLLING_ENTRIES
-from tripwatt.vehicles.vehicle import Entry, Value
+from tripwatt.vehicles.vehicle import FIELDS, Entry, Value
 
 
 def on_road(vehicle: Vehicle) -> Vehicle:
@@ -49,9 +49,7 @@ def with_values(vehicle: Vehicle, values: Mapping[str, Value], sources: Mapping[
     for key, value in values.items():
         before, old = vehicle.value(key), vehicle.entries.get(key)
         if old is None:  # a value that no source has
-            section, _, name = key.partition(".")
-            unit = next(f.metadata["unit"] for f in fields(getattr(vehicle, section)) if f.name == name)
-            old = Entry(value, unit, "no source", licence="estimate")
+            old = Entry(value, FIELDS[key].metadata["unit"], "no source", licence="estimate")
         published = f"{before:g}" if isinstance(before, float) else "another curve"
         entries[key] = replace(
             old,

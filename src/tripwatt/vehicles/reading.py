@@ -20,7 +20,7 @@ from tripwatt.files import shipped_toml
 from tripwatt.vehicles.inheriting import DATA, inherit
 from tripwatt.vehicles.parts import ROAD_LOADS, Battery, RoadLoad
 from tripwatt.vehicles.relations import relation_faults, table_faults
-from tripwatt.vehicles.vehicle import ANCHORS, LICENCES, OPTIONAL_SECTIONS, SECTIONS, Entry, Value, Vehicle
+from tripwatt.vehicles.vehicle import ANCHORS, FIELDS, LICENCES, OPTIONAL_SECTIONS, SECTIONS, Entry, Vehicle
 
 ALIASES: Final[Mapping[str, str]] = shipped_toml("vehicles/data/table/aliases.toml")
 """Short name of an override -> its key. `payload` is the mass of everything aboard, including the driver."""
@@ -143,24 +143,18 @@ def _well_formed(document: object, where: str, faults: list[Fault]) -> dict[str,
 
 def _override_entry(key: str, value: float | str, replaced: Any) -> dict[str, Any]:
     """Return the entry of a value that the caller gives, on the scale of the entry that it replaces."""
-    about = _fields()[key].metadata if key in _fields() else {"unit": ""}
+    about = FIELDS[key].metadata if key in FIELDS else {"unit": ""}
     entry = {"value": value, "unit": about["unit"], "source": "given by the caller", "licence": "user"}
     if about.get("scaled"):
         entry["scale"] = replaced.get("scale") if isinstance(replaced, Mapping) else "soc"
     return entry
 
 
-@cache
-def _fields() -> Mapping[str, dataclasses.Field[Any]]:
-    """Return the field of every entry by the key of the entry, such as "body.curb_mass_kg"."""
-    return {f"{section}.{f.name}": f for section, part in SECTIONS.items() for f in dataclasses.fields(part)}
-
-
 def _entry_faults(key: str, raw: Any, place: str) -> Iterator[Fault]:
-    field = _fields().get(key)
+    field = FIELDS.get(key)
     if field is None:
         allowed = "a key of the parameter table in docs/explanation/car-model.md"
-        yield Fault("unknown key", place, key, allowed, did_you_mean(key, (*ALIASES, *_fields())))
+        yield Fault("unknown key", place, key, allowed, did_you_mean(key, (*ALIASES, *FIELDS)))
     elif raw is not None and not isinstance(raw, Mapping):
         yield Fault("not an entry", place, excerpt(raw), "{ value = ..., unit = ..., source = ... }")
     elif raw is not None:
@@ -212,7 +206,7 @@ def _entry(raw: Mapping[str, Any]) -> Entry:
     return Entry(**values, **words)  # type: ignore[arg-type]
 
 
-def _as_value(raw: Any) -> Value:
+def _as_value(raw: Any) -> float | str | tuple[float, ...]:
     if isinstance(raw, str):
         return raw
     return tuple(map(float, raw)) if isinstance(raw, list | tuple) else float(raw)

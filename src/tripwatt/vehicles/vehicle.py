@@ -36,6 +36,11 @@ SECTIONS: Final[Mapping[str, type]] = {
 }
 """Section of a car's TOML -> the class of the part that it describes."""
 
+FIELDS: Final[Mapping[str, dataclasses.Field[Any]]] = {
+    f"{section}.{f.name}": f for section, part in SECTIONS.items() for f in dataclasses.fields(part)
+}
+"""Key of an entry -> the field of its part."""
+
 OPTIONAL_SECTIONS: Final[frozenset[str]] = frozenset({"tyres", "climate", "charging"})
 """Parts that a car may lack."""
 

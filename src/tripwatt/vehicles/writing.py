@@ -10,7 +10,7 @@ from typing import Any
 
 from tripwatt.vehicles.loading import load_vehicle
 from tripwatt.vehicles.reading import vehicle_from_document
-from tripwatt.vehicles.vehicle import SECTIONS, Entry, Vehicle
+from tripwatt.vehicles.vehicle import FIELDS, SECTIONS, Entry, Vehicle
 
 
 def vehicle_document(vehicle: Vehicle) -> dict[str, Any]:
@@ -56,20 +56,18 @@ def _document(vehicle: Vehicle, entries: Mapping[str, Entry]) -> dict[str, Any]:
 def _replaced(vehicle: Vehicle, loaded: Vehicle) -> dict[str, Entry]:
     """Return entries for the values that were replaced after the car was loaded."""
     entries = {}
-    for section in SECTIONS:
-        part, before = getattr(vehicle, section), getattr(loaded, section)
-        for field in dataclasses.fields(part) if part != before and part is not None else ():
-            key, value = f"{section}.{field.name}", getattr(part, field.name)
-            old = vehicle.entries.get(key)
-            rescaled = old is not None and old.scale == "displayed_soc"  # by the other values of the battery
-            if value is not None and (rescaled or value != getattr(before, field.name, None)):
-                entries[key] = Entry(
-                    value,
-                    field.metadata["unit"],
-                    "set after the car was loaded",
-                    scale="soc" if field.metadata.get("scaled") else "",
-                    licence="user",
-                )
+    for key, field in FIELDS.items():
+        value, old = vehicle.value(key), vehicle.entries.get(key)
+        # the other values of the battery change what the scale means
+        rescaled = old is not None and old.scale == "displayed_soc" and vehicle.battery != loaded.battery
+        if value is not None and (rescaled or value != loaded.value(key)):
+            entries[key] = Entry(
+                value,
+                field.metadata["unit"],
+                "set after the car was loaded",
+                scale="soc" if field.metadata.get("scaled") else "",
+                licence="user",
+            )
     return entries
 
 
@@ -136,7 +134,6 @@ def describe_vehicle(
     ('body.curb_mass_kg', '1300', 'kg', 'given by the caller', 'user')
     """
     vehicle = load_vehicle(name_or_path, overrides=overrides)
-    keys = [f"{section}.{f.name}" for section, part in SECTIONS.items() for f in dataclasses.fields(part)]
     return tuple(
         (
             key,
@@ -145,7 +142,7 @@ def describe_vehicle(
             f"{entry.source} (estimated: {entry.estimated})" if entry.estimated else entry.source,
             entry.licence,
         )
-        for key in keys
+        for key in FIELDS
         if (entry := vehicle.entries.get(key)) is not None
     )
 
