@@ -127,7 +127,7 @@ class ForecastProtocol:
     def from_outside(self, name: str, model: Corrector | WholeModel) -> ModelSpec:
         """Make the row of a whole model, or of a corrector in a forecast with intervals and updates on physics identified in each fold."""
         if is_whole_model(model):
-            return outside_spec(name, model, WholeMethod(model, lambda h: h.data.trips), None)
+            return outside_spec(name, model, WholeMethod(model), None)
         return outside_spec(name, model, ForecastMethod(model), "physics")
 
     def further_comparisons(

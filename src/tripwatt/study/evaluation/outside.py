@@ -6,7 +6,7 @@ import copy
 import inspect
 import pickle
 import secrets
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Final, Protocol
 
@@ -87,12 +87,9 @@ class WholeMethod(Method[Sequence[Trip]]):
     Attributes
     ----------
     model : WholeModel
-    recorded : callable
-        Function from a hold-out to its trips as recorded.
     """
 
     model: WholeModel
-    recorded: Callable[[HoldOut[Any]], Sequence[Trip]]
 
     def fit(self, data: Sequence[Trip], train: IntArray, seed: int) -> Fitted:
         """Fit a copy of the model to the trips; a scored trip is passed as a plan."""
@@ -105,8 +102,8 @@ class WholeMethod(Method[Sequence[Trip]]):
         return Fitted(predict)
 
     def required_data(self, hold_out: HoldOut[Any], scored: IntArray) -> Sequence[Trip]:
-        """Return the recorded trips."""
-        return self.recorded(hold_out)
+        """Return the trips of the protocol's data."""
+        return tuple(hold_out.data.trips)
 
 
 def is_whole_model(model: object) -> bool:

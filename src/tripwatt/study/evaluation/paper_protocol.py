@@ -85,7 +85,7 @@ class PaperProtocol:
     def from_outside(self, name: str, model: Corrector | WholeModel) -> ModelSpec:
         """Make the row of a whole model, or of a regressor with the covariates and the simulation of the paper's correctors."""
         if is_whole_model(model):
-            return outside_spec(name, model, WholeMethod(model, lambda h: h.table.trips), None)
+            return outside_spec(name, model, WholeMethod(model), None)
         if not is_regressor(model):
             got = f"{type(model).__name__} on segments"
             allowed = "a regressor, a whole model, or protocol 'forecast'"
