@@ -177,7 +177,7 @@ class Forecast:
         climb = None if self.climbing is None else self.climbing.ahead(self._climbs_from_m)
         scores = self.uncertainty.scores
         expected_wh = np.zeros(len(sd_wh)) if climb is None else climb.quantile(scores, 0.5, sd_wh)
-        energy_wh = running_sum(measured.energy_wh + self.power_w * hours + np.diff(expected_wh))
+        energy_wh = self._course_wh(np.diff(expected_wh))
         min_wh = running_sum(measured.energy_wh + drive.min_w * hours)
         if climb is not None:
             min_wh = min_wh + climb.offsets_wh.min(axis=0)
@@ -217,7 +217,11 @@ class Forecast:
     @property
     def energy_wh(self) -> float:
         """Energy of the whole trip [Wh]."""
-        return float(self.along.energy_wh[-1])
+        return float((self._course_wh() if self.climbing is None else self.along.energy_wh)[-1])
+
+    def _course_wh(self, more_wh: FloatArray | float = 0.0) -> FloatArray:
+        """Energy up to the edges of the segments [Wh], shape (edges,), with more energy in each segment."""
+        return running_sum(self.measured.energy_wh + self.power_w * self.open_hours + more_wh)
 
     @property
     def sd_wh(self) -> float:
@@ -591,7 +595,7 @@ class Forecast:
             "wh_per_display": along.wh_per_display,
             "empty_at_m": {"early": early, "expected": expected, "late": late},
             "missing_wh": {"least": least, "expected": middle, "most": most},
-            "p_arrive_by_soc": {f"{level:g}": self.p_arrive(level) for level in levels},
+            "p_arrive_by_soc": by_probability(self.p_arrive(np.array(levels)), levels),
             "climb": _climb_document(self, levels),
             "leave_with": leave_with,
             "series": Series(**{name: values.tolist() for name, values in along.columns().items()}),  # type: ignore[typeddict-item]
