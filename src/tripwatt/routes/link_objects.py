@@ -163,8 +163,13 @@ def columns_of_links(links: Sequence[object], where: str = "") -> tuple[dict[str
     allowed = "an object with length_m and speed_m_s"
     wrong.add("not a link", no_link, "", lambda k: excerpt(links[k]), allowed)
     rows: list[Mapping[str, Any]] = [link if isinstance(link, Mapping) else {} for link in links]
-    _unknown_keys(rows, wrong)
-    columns = {key: _column_values([row.get(key) for row in rows], key, wrong) for key in LINK_KEYS}
+    given = set[Any]().union(*rows)
+    if not given <= LINK_COLUMNS.keys():
+        _unknown_keys(rows, wrong)
+    columns = {key: np.full(len(rows), np.nan) for key in LINK_KEYS}
+    columns |= {
+        key: _column_values([row.get(key) for row in rows], key, wrong) for key in LINK_KEYS if key in given
+    }
     _missing_keys(columns, ~no_link, wrong)
     for key in ("length_m", "speed_m_s", "travel_time_s"):
         not_positive = columns[key] <= 0.0

@@ -314,8 +314,7 @@ class Course:
         for _ in range(30):
             speed, driving_s = self.drive(delay)
             late_s = np.bincount(self.link, driving_s) - self.time
-            with np.errstate(divide="ignore", invalid="ignore"):
-                slope = np.where(change != 0.0, (late_s - previous_late_s) / change, slope)
+            np.divide(late_s - previous_late_s, change, out=slope, where=change != 0.0)
             # settled: in tolerance, or early with a stop in which the car can wait, or late and as fast as possible
             settled = (
                 (np.abs(late_s) <= tolerance)
@@ -325,8 +324,7 @@ class Course:
             if settled.all():
                 break
             step = np.where(late_s * previous_late_s < 0, 0.5 * step, np.minimum(1.5 * step, 0.5))
-            with np.errstate(divide="ignore", invalid="ignore"):
-                correction = np.where(slope > 0, np.abs(late_s) / slope, step)
+            correction = np.divide(np.abs(late_s), slope, out=step.copy(), where=slope > 0)
             correction = np.where(settled, 0.0, -np.sign(late_s) * np.minimum(correction, step))
             new_delay = np.clip(delay + correction, min_delay, self.max_delay)
             change, previous_late_s, delay = new_delay - delay, late_s, new_delay
