@@ -131,7 +131,7 @@ class ExpectedTrip:
     @cached_property
     def distance_m(self) -> FloatArray:
         """Distance at the edges of the segments [m], shape (segments + 1,)."""
-        speed = self.table.features["speed_m_s"].to_numpy()
+        speed = self.table.columns["speed_m_s"]
         return running_sum(speed * self.table.hours * SECONDS_PER_HOUR)
 
     @cached_property
@@ -140,7 +140,7 @@ class ExpectedTrip:
 
         It is `MIN_RESISTANCE` of air drag and rolling resistance, plus climb and kinetic energy, without any loss or load.
         """
-        part = {name: self.table.features[f"{name}_w"].to_numpy() for name in MIN_CAUSES}
+        part = {name: self.table.columns[f"{name}_w"] for name in MIN_CAUSES}
         return np.asarray(
             MIN_RESISTANCE * (part["air"] + part["rolling"]) + part["climb"] + part["acceleration"]
         )

@@ -273,7 +273,7 @@ class ForecastModel:
         measured = table.energy_errors
         scores = errors / np.hypot(scale_wh(self.uncertainty_.scale, held_out), measured.own_wh)
         if measured.common.any():
-            moved = table.totals_wh(table.features["moved_w"].to_numpy())
+            moved = table.totals_wh(table.columns["moved_w"])
             share = float(np.sqrt(np.mean(measured.common**2)))
             wider = self.uncertainty_.scale.with_share(share, float(observed.sum() / moved.sum()))
             self.uncertainty_ = replace(self.uncertainty_, scale=wider)

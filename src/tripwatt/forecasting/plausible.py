@@ -209,10 +209,10 @@ def _motion_faults(samples: Columns, cumulative: FloatArray, drive: ExpectedTrip
 
 def _min_wh(drive: ExpectedTrip, from_to_m: tuple[float, float], speeds_m_s: tuple[float, float]) -> float:
     """Least energy at the terminals [Wh] between two distances along the known road, with the speeds at both."""
-    features, hours = drive.table.features, drive.table.hours
+    columns, hours = drive.table.columns, drive.table.hours
 
     def between(cause: str) -> float:
-        energy = running_sum(features[f"{cause}_w"].to_numpy() * hours)
+        energy = running_sum(columns[f"{cause}_w"] * hours)
         start, end = np.interp(from_to_m, drive.distance_m, energy)
         return float(end - start)
 
@@ -250,4 +250,4 @@ def _descent_wh(drive: ExpectedTrip) -> float:
     """Potential energy of the largest descent of the road [Wh]."""
     if not drive.plan.has_road:
         return _weight_wh_m(drive) * 500.0  # descent that a road of unknown elevation may have [m]
-    return _largest_rise(-running_sum(drive.table.features["climb_w"].to_numpy() * drive.table.hours))
+    return _largest_rise(-running_sum(drive.table.columns["climb_w"] * drive.table.hours))

@@ -250,7 +250,7 @@ class TripEvidence(Records):
             np.full(len(table), np.nan) if table.observed_w is None else table.totals_wh(table.residual_w),
             usual_variance_wh2(table.totals_wh(table.simulated_w), moved, km),
             table.energy_errors.own_wh**2 + table.totals_wh(_shortfall_power(table)) ** 2,
-            table.features["day"].to_numpy(dtype=np.float64)[table.offsets[:-1]],
+            table.columns["day"][table.offsets[:-1]],
             np.full((len(table), 4), np.nan) if table.charge is None else table.charge,
         )
 
@@ -358,7 +358,7 @@ class FactorCorrector(PowerCorrector):
     def predict_with_uncertainty(self, table: SegmentTable) -> tuple[FloatArray, FloatArray]:
         """Residual power [W], and the factor of its covariance due to factors, drift and shortfall of power."""
         rows = factor_power(table, self.mass_kg)
-        kept = drift_kept(table.features["day"].to_numpy(dtype=np.float64), self.day)
+        kept = drift_kept(table.columns["day"], self.day)
         rows = np.column_stack([rows, rows[:, 0] * kept])
         forgotten = rows[:, 0] * self.drift_sd * np.sqrt(1.0 - kept**2)
         return rows @ self.mean, np.column_stack([rows @ self.factor, forgotten, _shortfall_power(table)])

@@ -480,7 +480,7 @@ class SplitCorrector(PowerCorrector):
             return self
         own = replace(
             table,
-            simulated_w=table.features["climate_w"].to_numpy(),
+            simulated_w=table.columns["climate_w"],
             observed_w=table.observed_climate_w,
             errors=None,
         )

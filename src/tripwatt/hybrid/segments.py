@@ -5,6 +5,7 @@ from __future__ import annotations
 import datetime as dt
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Any, Final
 
 import numpy as np
@@ -15,6 +16,7 @@ from tripwatt.errors import Fault, InvalidInput, or_none
 from tripwatt.hybrid.climate_log import logged_climate
 from tripwatt.hybrid.energy_errors import EnergyErrors, unknown_climb_wh
 from tripwatt.hybrid.rows import RowTable, joined
+from tripwatt.learners.gp import float_columns
 from tripwatt.physics import Simulation
 from tripwatt.physics.batch import simulate_trips
 from tripwatt.physics.chain import CAUSES
@@ -90,6 +92,11 @@ class SegmentTable(RowTable):
     covariates: pd.DataFrame | None = None
     added: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
 
+    @cached_property
+    def columns(self) -> dict[str, FloatArray]:
+        """Numeric columns of `features` by name, each of shape (rows,)."""
+        return float_columns(self.features)
+
     @property
     def observed_power_w(self) -> FloatArray:
         """Measured power [W], shape (rows,); raises InvalidInput if the table has none."""
@@ -107,7 +114,7 @@ class SegmentTable(RowTable):
         """Observed minus simulated power of climate control [W], shape (rows,); NaN if not logged."""
         if self.observed_climate_w is None:
             return np.full(len(self.hours), np.nan)
-        return np.asarray(self.observed_climate_w - self.features["climate_w"].to_numpy())
+        return np.asarray(self.observed_climate_w - self.columns["climate_w"])
 
     @property
     def energy_errors(self) -> EnergyErrors:
@@ -240,7 +247,7 @@ def segment_table(
     return SegmentTable(
         trip_ids=(plan.trip_id,),
         offsets=np.array([0, n]),
-        features=table_of({name: np.broadcast_to(values, n) for name, values in features.items()}),
+        features=table_of(features),
         hours=seconds / SECONDS_PER_HOUR,
         simulated_w=simulated,
         observed_w=observed,

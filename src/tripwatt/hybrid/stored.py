@@ -115,8 +115,7 @@ class StoredTrees(PowerCorrector):
 
     def predict(self, table: SegmentTable) -> FloatArray:
         """Residual power [W]."""
-        values, names = table.features.to_numpy(dtype=np.float64), table.features.columns.tolist()
-        X = values[:, [names.index(c) for c in self.columns]]
+        X = np.column_stack([table.columns[c] for c in self.columns])
         power = self.start + (self.trees.sum(X) + self.rest) / (self.divisor or 1)
         return np.asarray(power * self.familiarity.share(table.features))
 

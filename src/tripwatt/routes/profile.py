@@ -284,7 +284,7 @@ class Course:
         aim = self.of_neighbours(np.minimum(self.free * share, self.fastest))
         np.maximum(aim, self.ramp * np.repeat(np.minimum(share, 1.0), self.nodes), out=aim)
         aim[[0, -1]] = 0.0
-        slow = self.free[self.dip_link] * (1.0 - np.clip(delay[self.dip_link], 0.0, 1.0))
+        slow = self.free[self.dip_link] * (1.0 - np.minimum(np.maximum(delay[self.dip_link], 0.0), 1.0))
         aim[self.dip_node] = np.minimum(aim[self.dip_node], slow)
         aim[self.ends[self.stop > 0]] = 0.0
         weighted_m = running_sum(np.repeat(effort, self.cells) * self.cell_m)
@@ -326,7 +326,7 @@ class Course:
             step = np.where(late_s * previous_late_s < 0, 0.5 * step, np.minimum(1.5 * step, 0.5))
             correction = np.divide(np.abs(late_s), slope, out=step.copy(), where=slope > 0)
             correction = np.where(settled, 0.0, -np.sign(late_s) * np.minimum(correction, step))
-            new_delay = np.clip(delay + correction, min_delay, self.max_delay)
+            new_delay = np.minimum(np.maximum(delay + correction, min_delay), self.max_delay)
             change, previous_late_s, delay = new_delay - delay, late_s, new_delay
         return speed, driving_s
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 import pandas as pd
@@ -110,13 +110,13 @@ class Sampled:
         return self.samples.copy()
 
 
-def table_of(columns: Mapping[str, FloatArray]) -> pd.DataFrame:
+def table_of(columns: Mapping[str, Any]) -> pd.DataFrame:
     """Make a table from float columns of equal length in one array, which is much faster than column by column.
 
     Parameters
     ----------
-    columns : mapping of str to ndarray, shape (samples,)
-        Name of a column -> its values.
+    columns : mapping of str to ndarray, shape (samples,), or to float
+        Name of a column -> its values; a single number counts for every row. The first column has to be an array.
 
     Returns
     -------
@@ -128,10 +128,10 @@ def table_of(columns: Mapping[str, FloatArray]) -> pd.DataFrame:
     >>> table_of({"time_s": np.arange(2.0), "speed_m_s": np.ones(2)}).shape
     (2, 2)
     """
-    names = _names(tuple(columns))
-    if not columns:
-        return pd.DataFrame(columns=names)
-    return pd.DataFrame(np.array(list(columns.values()), dtype=np.float64).T, columns=names)
+    table = np.empty((len(columns), len(next(iter(columns.values()), ()))))
+    for row, values in zip(table, columns.values(), strict=True):
+        row[:] = values
+    return pd.DataFrame(table.T, columns=_names(tuple(columns)))
 
 
 def columns_of(samples: pd.DataFrame) -> dict[str, list[float | None]]:

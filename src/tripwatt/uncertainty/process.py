@@ -104,17 +104,16 @@ def process_segments(
     outside_w : ndarray, shape (segments, any), optional
         Factor from `PowerCorrector.outside_factor`.
     """
-    features = table.features
+    columns = table.columns
     return Segments(
-        time_s=features["time_s"].to_numpy(dtype=np.float64),
+        time_s=columns["time_s"],
         step_s=table.hours * SECONDS_PER_HOUR,
-        moved_w=features["moved_w"].to_numpy(dtype=np.float64),
-        climate_w=features["climate_w"].to_numpy(dtype=np.float64),
+        moved_w=columns["moved_w"],
+        climate_w=columns["climate_w"],
         corrector_sd_wh=float(np.linalg.norm(table.hours @ uncertainty_w)),
         outside_sd_wh=0.0 if outside_w is None else float(np.linalg.norm(table.hours @ outside_w)),
         net_wh=float((table.hours * table.simulated_w).sum()),
-        distance_m=float((table.hours * features["speed_m_s"].to_numpy(dtype=np.float64)).sum())
-        * SECONDS_PER_HOUR,
+        distance_m=float((table.hours * columns["speed_m_s"]).sum()) * SECONDS_PER_HOUR,
     )
 
 
