@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import datetime as dt
-import functools
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from operator import attrgetter
@@ -57,8 +56,6 @@ from tripwatt.vehicles import Vehicle, find_vehicles, require_vehicle
 MAX_TRANSFERRED: Final = 64
 """Most models on other cars that a worker keeps; the least recently used is dropped first. A choice."""
 
-
-hints_of = functools.cache(get_type_hints)
 
 Known = Mapping[str, Any]
 NOTHING: Final[Known] = {}
@@ -163,7 +160,7 @@ class Jobs:
         """
         work: Callable[..., dict[str, Any] | bytes] = attrgetter(kind)(self)
         arguments = {**parameters, "body": body}
-        types = hints_of(getattr(work, "__func__", work))
+        types = get_type_hints(work)
         if "request" in types:
             request = check_request(parse_json(body), types["request"], self)
             arguments["request"] = _with_charge(request, parameters.get("last_message") or {})
@@ -398,11 +395,10 @@ def _needed(
 
 def _with_charge(request: Any, last_message: Mapping[str, Any]) -> Any:
     """Return a request with the charge that its car showed last, unless the request has one or names another car."""
-    named = getattr(request, "car", None)
-    if named is None or named != last_message.get("car"):
+    named, given = getattr(request, "car", None), request.model_dump(include={"soc", "bms_soc"})
+    if named is None or named != last_message.get("car") or any(soc is not None for soc in given.values()):
         return request
-    given = request.model_dump(include={"soc", "bms_soc"}, exclude_none=True)
-    return request if given else request.model_copy(update={"soc": last_message["soc"]})
+    return request.model_copy(update={"soc": last_message["soc"]})
 
 
 def _with_last_message(
