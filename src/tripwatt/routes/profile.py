@@ -360,14 +360,14 @@ def ramp_speeds(position: FloatArray, ends: IntArray, free: FloatArray, style: L
     speed = 0.5 * (free[1:] + free[:-1])
     gentle = style.comfort * style.driver.acceleration_m_s2
     pace = gentle / (1.0 + (speed / style.driver.half_acceleration_speed_m_s) ** 2)
-    link = np.searchsorted(position[ends], position, side="left")
+    # zeros stand for the border that the first link lacks before it, and the last one behind it
+    borders = np.zeros((3, len(ends) + 1))
+    borders[:, 1:-1] = border, speed**2, 2.0 * pace
     ramp = np.zeros_like(position)
-    for neighbour in (link - 1, link):  # the border before the node and the one behind it
-        index = np.clip(neighbour, 0, max(len(border) - 1, 0))
-        exists = (neighbour >= 0) & (neighbour < len(border))
-        if exists.any():
-            squared = speed[index] ** 2 - 2.0 * pace[index] * np.abs(position - border[index])
-            ramp = np.maximum(ramp, np.where(exists, np.sqrt(np.maximum(squared, 0.0)), 0.0))
+    for beside in (borders[:, :-1], borders[:, 1:]):
+        place, squared, change = np.repeat(beside, np.diff(ends, prepend=-1), axis=1)
+        squared -= change * np.abs(position - place)
+        np.maximum(ramp, np.sqrt(np.maximum(squared, 0.0)), out=ramp)
     return ramp
 
 
