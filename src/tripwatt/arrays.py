@@ -33,9 +33,7 @@ def running_sum(steps: npt.ArrayLike) -> FloatArray:
     >>> running_sum([1.0, 2.0]).tolist()
     [0.0, 1.0, 3.0]
     """
-    sums = np.zeros(len(values := np.asarray(steps)) + 1)
-    np.cumsum(values, out=sums[1:])
-    return sums
+    return np.concatenate(([0.0], np.cumsum(steps)))
 
 
 def distance_driven(time_s: FloatArray, speed_m_s: FloatArray) -> FloatArray:

@@ -72,11 +72,8 @@ class ExpectedTrip:
         The roads before and after a pause are forecast as two trips; the second begins with a cold car. The share of the warmth that is
         lost in the pause is the share of their power that counts. The additional energy has the cause climate control.
         """
-        cooling = [(k, pause) for k, pause in enumerate(self.plan.pauses) if pause.cools]
-        if not cooling:
-            return self
         simulated_w, hours = self.table.simulated_w.copy(), self.table.hours
-        for k, pause in cooling:
+        for k, pause in ((k, pause) for k, pause in enumerate(self.plan.pauses) if pause.cools):
             first = min(int(np.searchsorted(self.distance_m, pause.position_m)), len(hours) - 1)
             lost = 1.0 - np.exp(-pause.duration_s / COOLING_S)
             if first:

@@ -367,7 +367,7 @@ class ForecastModel:
             correction = correction if climate is None else correction - climate
         segments = process_segments(table, factor, corrector.outside_factor(table))
         drive = ExpectedTrip(plan, self.vehicle, simulation, table, segments, corrector, correction)
-        drive = drive.with_pauses(self.forecast)
+        drive = drive.with_pauses(self.forecast) if plan.pauses else drive
         posterior = uncertainty.process.prior(segments)
         flags, unknown = compare(table, self.ranges_, self.vehicle, plan.departure)
         missing, covariate_sd_wh = corrector.unknown(table)

@@ -107,15 +107,11 @@ class Familiarity:
         names = [name for name in FADING if name in columns and name in features]
         return cls({name: seen for name in names if (seen := Range.from_values(features[name])) is not None})
 
-    def distances(self, features: pd.DataFrame) -> dict[str, FloatArray]:
-        """Distance of each row outside of each range, in standard deviations: covariate -> shape (rows,)."""
-        columns = float_columns(features)
-        return {name: seen.beyond(columns[name]) for name, seen in self.ranges.items() if name in columns}
-
     def share(self, features: pd.DataFrame) -> FloatArray:
         """Share of the correction that counts in each row, shape (rows,): 1 inside the ranges, towards 0 far outside.
 
         It is ``exp(-d² / 2)``, where ``d²`` is the sum of the squared distances of all covariates.
         """
-        squares = (distance**2 for distance in self.distances(features).values())
+        columns = float_columns(features)
+        squares = (seen.beyond(columns[n]) ** 2 for n, seen in self.ranges.items() if n in columns)
         return np.asarray(np.exp(-0.5 * sum(squares, start=np.zeros(len(features)))))

@@ -111,18 +111,14 @@ class Simulation:
     @property
     def by_cause_wh(self) -> dict[str, float]:
         """Energy of the whole trip [Wh] due to each of `CAUSES`, as in `Forecast.by_cause_wh`; the sum is `simulated_energy_wh`."""
-        hours = self._hours
+        hours = np.diff(self.time_s, prepend=self.time_s[:1]) * WH_PER_J
         return {cause: float(power @ hours) for cause, power in self.power_by_cause_w.items()}
 
     @property
     def cumulative_by_cause_wh(self) -> dict[str, FloatArray]:
         """Cumulative energy [Wh] due to each of `CAUSES`; the sum is `energy_wh`."""
-        hours = self._hours
+        hours = np.diff(self.time_s, prepend=self.time_s[:1]) * WH_PER_J
         return {cause: np.cumsum(power * hours) for cause, power in self.power_by_cause_w.items()}
-
-    @property
-    def _hours(self) -> FloatArray:
-        return np.diff(self.time_s, prepend=self.time_s[:1]) * WH_PER_J
 
     def to_frame(self) -> pd.DataFrame:
         """Put all arrays into one table.

@@ -164,8 +164,7 @@ def columns_of_links(links: Sequence[object], where: str = "") -> tuple[dict[str
     wrong.add("not a link", no_link, "", lambda k: excerpt(links[k]), allowed)
     rows: list[Mapping[str, Any]] = [link if isinstance(link, Mapping) else {} for link in links]
     given = set[Any]().union(*rows)
-    if not given <= LINK_COLUMNS.keys():
-        _unknown_keys(rows, wrong)
+    _unknown_keys(rows, wrong)
     columns = {key: np.full(len(rows), np.nan) for key in LINK_KEYS}
     columns |= {
         key: _column_values([row.get(key) for row in rows], key, wrong) for key in LINK_KEYS if key in given

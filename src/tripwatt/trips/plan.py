@@ -209,9 +209,8 @@ class Plan(Sampled):
         validate_samples(samples, trip_id)
         names = [name for name in ROUTE_COLUMNS if name in samples.columns]
         route, more = _sound({name: samples[name].to_numpy(dtype=np.float64) for name in names})
-        return cls(
-            trip_id, table_of(route), departure or Departure(), link_m, tuple(dict.fromkeys((*flags, *more)))
-        )
+        all_flags = tuple(dict.fromkeys((*flags, *more)))
+        return cls(trip_id, table_of(route), departure or Departure(), link_m, all_flags)
 
     @classmethod
     def from_trip(cls, trip: Recorded, *, step_s: float = 1.0) -> Plan:

@@ -104,16 +104,15 @@ def process_segments(
     outside_w : ndarray, shape (segments, any), optional
         Factor from `PowerCorrector.outside_factor`.
     """
-    columns = table.columns
     return Segments(
-        time_s=columns["time_s"],
+        time_s=table.columns["time_s"],
         step_s=table.hours * SECONDS_PER_HOUR,
-        moved_w=columns["moved_w"],
-        climate_w=columns["climate_w"],
+        moved_w=table.columns["moved_w"],
+        climate_w=table.columns["climate_w"],
         corrector_sd_wh=float(np.linalg.norm(table.hours @ uncertainty_w)),
         outside_sd_wh=0.0 if outside_w is None else float(np.linalg.norm(table.hours @ outside_w)),
         net_wh=float((table.hours * table.simulated_w).sum()),
-        distance_m=float((table.hours * columns["speed_m_s"]).sum()) * SECONDS_PER_HOUR,
+        distance_m=float((table.hours * table.columns["speed_m_s"]).sum()) * SECONDS_PER_HOUR,
     )
 
 
