@@ -395,8 +395,8 @@ def _needed(
 
 def _with_charge(request: Any, last_message: Mapping[str, Any]) -> Any:
     """Return a request with the charge that its car showed last, unless the request has one or names another car."""
-    named, given = getattr(request, "car", None), request.model_dump(include={"soc", "bms_soc"})
-    if named is None or named != last_message.get("car") or any(soc is not None for soc in given.values()):
+    named, given = getattr(request, "car", None), (getattr(request, n, None) for n in ("soc", "bms_soc"))
+    if named is None or named != last_message.get("car") or any(soc is not None for soc in given):
         return request
     return request.model_copy(update={"soc": last_message["soc"]})
 
