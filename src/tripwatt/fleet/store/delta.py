@@ -15,7 +15,7 @@ from typing import Any, Final, TypeVar
 
 import pyarrow as pa
 
-from tripwatt.errors import Fault, InvalidInput, install
+from tripwatt.errors import InvalidInput, install
 
 Result = TypeVar("Result")
 
@@ -159,7 +159,7 @@ class DeltaFolder:
         """Append rows in one commit; the commit is tried again if another writer was first."""
         self._retry(lambda table: self._write(table, rows, tries=_MAX_TRIES))
 
-    def append_checked(self, rows_for: Callable[[Any], pa.Table | None]) -> int:
+    def append_checked(self, rows_for: Callable[[Any], pa.Table | None]) -> None:
         """Append rows that depend on the rows of the table; the commit succeeds only on the version that was read.
 
         Parameters
@@ -167,28 +167,13 @@ class DeltaFolder:
         rows_for : callable
             Function from the opened table to the rows to append, or None if there are none. The function is called again if another
             writer was first.
-
-        Returns
-        -------
-        int
-            Number of rows that were appended.
         """
-        deltalake = require_deltalake()
-        for _ in range(_MAX_TRIES):
-            table = self.open()
-            rows = rows_for(table)
-            if rows is None or not rows.num_rows:
-                return 0
-            try:
-                self._write(table, rows, tries=0)
-            except deltalake.exceptions.CommitFailedError:
-                continue
-            return int(rows.num_rows)
-        raise InvalidInput(_busy_fault(self.place))
+        self._retry(lambda table: self._write(table, rows_for(table), tries=0))
 
-    def _write(self, table: Any, rows: pa.Table, *, tries: int) -> None:
+    def _write(self, table: Any, rows: pa.Table | None, *, tries: int) -> None:
         """Append rows in one commit, which `deltalake` repeats up to `tries` times."""
-        with _delta_errors(self.place) as deltalake:
+        deltalake = require_deltalake()
+        if rows is not None:
             deltalake.write_deltalake(
                 table,
                 rows,
@@ -210,10 +195,10 @@ class DeltaFolder:
         return int(metrics.get("num_deleted_rows") or 0)
 
     def compact(self, target_size: int) -> dict[str, Any]:
-        """Merge small data files of each partition up to a size [bytes]; return the numbers of files added and removed."""
+        """Merge small data files of each partition up to a size [bytes]; return the numbers of `deltalake` for it."""
         options = {"target_size": target_size, "writer_properties": _writer_properties()}
-        metrics = self._retry(lambda table: table.optimize.compact(**options))
-        return {name: metrics[name] for name in ("numFilesAdded", "numFilesRemoved")}
+        metrics: dict[str, Any] = self._retry(lambda table: table.optimize.compact(**options))
+        return metrics
 
     def try_to_compact(self, target_size: int) -> bool:
         """Merge small data files as `compact` does, unless another writer changes them meanwhile or the disk is full.
@@ -238,7 +223,9 @@ class DeltaFolder:
                     return action(self.open())
             except conflict:
                 continue
-        raise InvalidInput(_busy_fault(self.place))
+        got = f"{_MAX_TRIES} commits of other writers came first"
+        allowed = "fewer writers at once, or larger batches"
+        raise InvalidInput.of("trip store is busy", self.place, got, allowed)
 
     def drop_old_files(self, hours: int) -> int:
         """Remove data files that no version of the last `hours` uses; files of writers at work are never removed.
@@ -309,8 +296,3 @@ def _delta_errors(place: str) -> Iterator[Any]:
         got = (str(error).splitlines() or [type(error).__name__])[0][:200]
         allowed = "a folder or an object store that can be read and written"
         raise InvalidInput.of("trip store cannot be used", place, got, allowed) from error
-
-
-def _busy_fault(place: str) -> Fault:
-    got = f"{_MAX_TRIES} commits of other writers came first"
-    return Fault("trip store is busy", place, got, "fewer writers at once, or larger batches")
