@@ -22,7 +22,7 @@ import pandas as pd
 import pyarrow as pa
 import pyarrow.compute as pc
 
-from tripwatt.arrays import IntArray, by_key
+from tripwatt.arrays import by_key
 from tripwatt.auditing import Finding, audit
 from tripwatt.errors import Fault, InvalidInput
 from tripwatt.fleet.store.delta import DataFile, DeltaFolder, join_place, require_deltalake
@@ -642,39 +642,27 @@ def read_file(
     """
     import pyarrow.parquet as pq
 
-    wanted = {(row["batch"], row["digest"]): row for row in rows}
+    rows = sorted(rows, key=lambda row: str(row["digest"]))
+    batches, digests = (pa.array([row[name] for row in rows], pa.string()) for name in ("batch", "digest"))
     with files.open_input_file(path) as source, pq.ParquetFile(source) as parquet:
         keys = parquet.read(["batch", "digest", "sample"])
-        chosen = _chosen_rows(keys, wanted)
+        log = pc.index_in(keys["digest"].cast(pa.string()), digests)
+        # the samples of a writer that was killed have another batch
+        of_batch = pc.equal(keys["batch"].cast(pa.string()), pc.take(batches, log))
+        chosen = np.flatnonzero(of_batch.fill_null(False).to_numpy())
         if not len(chosen):
             return
         numbers = parquet.read(list(SIGNALS))
-    columns = {name: numbers[name].to_numpy()[chosen] for name in SIGNALS}
-    texts = [keys[n].cast(pa.string()).take(chosen).to_numpy() for n in ("batch", "digest")]
-    changes = (texts[0][1:] != texts[0][:-1]) | (texts[1][1:] != texts[1][:-1])
-    edges = [0, *(np.flatnonzero(changes) + 1).tolist(), len(chosen)]
+    log = log.fill_null(0).to_numpy()[chosen]
+    order = np.lexsort((keys["sample"].to_numpy()[chosen], log))  # merging files mixes their rows
+    columns = {name: numbers[name].to_numpy()[chosen[order]] for name in SIGNALS}
+    edges = [0, *(np.flatnonzero(np.diff(log[order])) + 1).tolist(), len(order)]
     for first, last in pairwise(edges):
-        row = wanted[texts[0][first], texts[1][first]]
+        row = rows[log[order[first]]]
         if last - first != row["samples"]:
             where, got = f"{path}, trip {row['trip_id']}", f"{last - first} samples"
             raise InvalidInput.of("samples are missing", where, got, f"{row['samples']} samples")
         yield row, log_from_rows(row, {name: values[first:last] for name, values in columns.items()})
-
-
-def _chosen_rows(keys: pa.Table, wanted: Iterable[tuple[str, str]]) -> IntArray:
-    """Return the row numbers of the wanted logs, log by log in the order of samples, since merging files mixes their rows."""
-    digests = sorted({digest for _, digest in wanted})
-    batches = sorted({batch for batch, _ in wanted})
-    by_digest = pc.index_in(keys["digest"].cast(pa.string()), pa.array(digests, pa.string()))
-    by_batch = pc.index_in(keys["batch"].cast(pa.string()), pa.array(batches, pa.string()))
-    may_be_wanted = pc.and_(pc.is_valid(by_digest), pc.is_valid(by_batch)).to_numpy()
-    code = pc.fill_null(by_digest, 0).to_numpy().astype(np.int64) * len(batches)
-    code += pc.fill_null(by_batch, 0).to_numpy()
-    place = {digest: i for i, digest in enumerate(digests)}, {batch: i for i, batch in enumerate(batches)}
-    codes = np.array([place[0][digest] * len(batches) + place[1][batch] for batch, digest in wanted])
-    rows = np.flatnonzero(may_be_wanted & np.isin(code, codes))
-    order = np.lexsort((keys["sample"].to_numpy()[rows], code[rows]))
-    return np.asarray(rows[order], dtype=np.int64)
 
 
 def _trip_filter(
