@@ -10,7 +10,7 @@ def sample(fleet):
 
     _, store, _, folder = fleet
     chosen = sample_digests(store.trip_rows(), 3, 3)
-    return SampledTrips.read([r.segments for r in mapped(store, folder / "sample", chosen) if r.segments])
+    return SampledTrips.read(mapped(store, folder / "sample", chosen))
 
 
 @pytest.fixture(scope="session")

@@ -11,7 +11,7 @@ from __future__ import annotations
 import hashlib
 import json
 import shutil
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
@@ -27,8 +27,9 @@ import pyarrow.compute as pc
 import pyarrow.parquet as pq
 
 from tripwatt.errors import Fault, InvalidInput
-from tripwatt.files import open_regular, write_file
+from tripwatt.files import open_regular
 from tripwatt.fleet.executors import map_bounded
+from tripwatt.fleet.mapping import write_parquet
 from tripwatt.fleet.model import FleetModel
 from tripwatt.fleet.storage import load_fleet
 from tripwatt.modelfile import METADATA
@@ -146,10 +147,10 @@ def forecast_batch(
                     yield part
 
         for name, forecasts in map_bounded(executor, workers, _forecast_part, unfinished_parts()):
-            write_file(unfinished / name, _parquet_writer([forecasts], forecasts.schema))
+            write_parquet(unfinished / name, [forecasts], forecasts.schema)
     groups = (names[k : k + _PARTS_PER_ROW_GROUP] for k in range(0, len(names), _PARTS_PER_ROW_GROUP))
     tables = (pa.concat_tables([pq.read_table(unfinished / name) for name in group]) for group in groups)
-    write_file(Path(out), _parquet_writer(tables, output_schema(quantiles)))
+    write_parquet(Path(out), tables, output_schema(quantiles))
     shutil.rmtree(unfinished)
     return int(pq.read_metadata(out).num_rows)
 
@@ -199,17 +200,6 @@ def _used_columns(file: pq.ParquetFile, source: Path | str) -> list[str]:
         if name not in names
     )
     return [name for name in (*_NAME_COLUMNS, *DEPARTURE_COLUMNS, *LINK_COLUMNS) if name in names]
-
-
-def _parquet_writer(tables: Iterable[pa.Table], schema: pa.Schema) -> Callable[[Path], None]:
-    """Return a function that writes tables to a Parquet file, each as one row group."""
-
-    def write(path: Path) -> None:
-        with pq.ParquetWriter(path, schema, compression="zstd") as writer:
-            for table in tables:
-                writer.write_table(table)
-
-    return write
 
 
 def _to_arrow_stream(table: pa.Table) -> bytes:

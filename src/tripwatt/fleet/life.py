@@ -57,7 +57,7 @@ def refit_fleet(
     newest = store.trip_rows(since=cut)
     digests = frozenset(row["digest"] for row in newest)
     results = map_store(file_tasks(store, newest, work, digests), executor, workers)
-    sample = SampledTrips.read([r.segments for r in results if r.segments])
+    sample = SampledTrips.read(results)
     comparison = compare(champion, challenger, sample)
     if comparison.worse:
         version = registry.add(challenger, f"refit until {cut}, worse than the version in use")

@@ -14,7 +14,7 @@ from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 import pyarrow as pa
@@ -45,6 +45,21 @@ _MEASURED: Final = (*REQUIRED_COLUMNS, "voltage_v", "current_a", "observed_energ
 _TASK_COLUMNS: Final = ("digest", "batch", "vehicle_id", "trip_id", "car_model", "driver", "started_at", "as_logged", "drives",
                "context", "columns", "samples")  # fmt: skip
 """Columns of `trips` that a task carries."""
+
+
+class _FileResult(NamedTuple):
+    """The Parquet files that a task writes.
+
+    Attributes
+    ----------
+    rows : Path
+        Rows of the schema `ROWS`. They are written last: the task is finished if this file exists.
+    segments : Path
+        Segments of the sampled trips; there is no such file if there are none.
+    """
+
+    rows: Path
+    segments: Path
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,25 +96,10 @@ class _FileTask:
         text = json.dumps([VERSION, self.place, self.path, wanted, FEATURES])
         return hashlib.sha256(text.encode()).hexdigest()[:32]
 
-
-@dataclass(frozen=True, slots=True)
-class _FileResult:
-    """The files that a task wrote.
-
-    Attributes
-    ----------
-    rows : str
-        Parquet file of the schema `ROWS`.
-    segments : str or None
-        Parquet file of segments; None if there are none.
-    trips, drives : int
-        Number of wanted trips that were found, and of the rows made of their drives.
-    """
-
-    rows: str
-    segments: str | None
-    trips: int
-    drives: int
+    @property
+    def result(self) -> _FileResult:
+        """The files of the result."""
+        return _FileResult(*(Path(self.out, f"{self.name}.{kind}.parquet") for kind in _FileResult._fields))
 
 
 def file_tasks(
@@ -150,9 +150,9 @@ def map_store(
     progress : callable, optional
         Called with (finished tasks, all tasks) after each task that is run.
     """
-    finished = [_read_finished(task) for task in tasks]
-    yield from (result for result in finished if result is not None)
-    open_tasks = [task for task, result in zip(tasks, finished, strict=True) if result is None]
+    by_state = by_key(tasks, lambda task: task.result.rows.is_file())
+    yield from (task.result for task in by_state.get(True, ()))
+    open_tasks = by_state.get(False, [])
     new_results = map_bounded(executor, workers, run_task, open_tasks)
     for number, result in enumerate(new_results, len(tasks) - len(open_tasks) + 1):
         if progress is not None:
@@ -165,15 +165,13 @@ def run_task(task: _FileTask) -> _FileResult:
 
     Drives that cannot be simulated with their car model, or have no measured energy, are left out.
     """
-    result = _read_finished(task)
-    if result is not None:
+    result = task.result
+    if result.rows.is_file():
         return result
     files = DeltaFolder(task.place, task.options).filesystem()
     rows: list[dict[str, Any]] = []
     segments: list[pa.Table] = []
-    trips = 0
     for row, log in read_file(files, task.path, task.rows):
-        trips += 1
         for drive in sound_drives(log, row):
             table = drive_segments(drive, row["car_model"])
             if table is None:
@@ -181,40 +179,22 @@ def run_task(task: _FileTask) -> _FileResult:
             rows.append(drive_row(drive, table, row))
             if row["digest"] in task.sampled:
                 segments.append(_segment_rows(table, row))
-    out = Path(task.out)
-    out.mkdir(parents=True, exist_ok=True)
+    result.rows.parent.mkdir(parents=True, exist_ok=True)
     if segments:
-        _write_parquet(pa.concat_tables(segments), _segments_path(task))
-    about = {"trips": f"{trips}", "segments": "yes" if segments else ""}
-    # rows are written last: if their file exists, the task is finished
-    _write_parquet(pa.Table.from_pylist(rows, schema=ROWS).replace_schema_metadata(about), _rows_path(task))
-    return _FileResult(
-        str(_rows_path(task)), str(_segments_path(task)) if segments else None, trips, len(rows)
-    )
+        write_parquet(result.segments, [pa.concat_tables(segments)], segments[0].schema)
+    write_parquet(result.rows, [pa.Table.from_pylist(rows, schema=ROWS)], ROWS)
+    return result
 
 
-def _rows_path(task: _FileTask) -> Path:
-    return Path(task.out) / f"{task.name}.rows.parquet"
+def write_parquet(path: Path, tables: Iterable[pa.Table], schema: pa.Schema) -> None:
+    """Write tables to a Parquet file, each as one row group, whole or not at all: another process may write the same file."""
 
+    def write(partial: Path) -> None:
+        with pq.ParquetWriter(partial, schema, compression="zstd") as writer:
+            for table in tables:
+                writer.write_table(table)
 
-def _segments_path(task: _FileTask) -> Path:
-    return Path(task.out) / f"{task.name}.segments.parquet"
-
-
-def _read_finished(task: _FileTask) -> _FileResult | None:
-    """Return the result of a task if it is finished, else None."""
-    path = _rows_path(task)
-    if not path.is_file():
-        return None
-    file = pq.ParquetFile(path)
-    about = file.schema_arrow.metadata or {}
-    segments = str(_segments_path(task)) if about.get(b"segments") else None
-    return _FileResult(str(path), segments, int(about[b"trips"]), file.metadata.num_rows)
-
-
-def _write_parquet(table: pa.Table, path: Path) -> None:
-    """Write a Parquet file whole or not at all, since another process may write the same file."""
-    write_file(path, lambda partial: pq.write_table(table, partial, compression="zstd"))
+    write_file(path, write)
 
 
 def sound_drives(log: Log, row: Mapping[str, Any]) -> Sequence[Trip]:
@@ -341,9 +321,9 @@ class SampledTrips:
         return Sums.from_trips([self.groups[i] for i in members], *(value[members] for value in values))
 
     @classmethod
-    def read(cls, paths: Iterable[str]) -> SampledTrips:
-        """Read files of segments, and keep repeated segments once; raise `InvalidInput` if there is no file. O(rows log rows)."""
-        tables = [pq.read_table(path) for path in sorted(paths)]
+    def read(cls, results: Iterable[_FileResult]) -> SampledTrips:
+        """Read the segments of results, and keep repeated ones once; raise `InvalidInput` if there are none. O(rows log rows)."""
+        tables = [pq.read_table(path) for _, path in sorted(results) if path.is_file()]
         if not tables:
             raise InvalidInput.of("no trips", "sample", "0", "at least one trip with measured energy")
         frame = pa.concat_tables(tables).to_pandas()
@@ -352,8 +332,7 @@ class SampledTrips:
         frame = frame.drop_duplicates([*keys, "feature_time_s"], ignore_index=True)
         drives = frame[keys].drop_duplicates()
         offsets = np.append(drives.index.to_numpy(), len(frame)).astype(np.int64)
-        names = [name for name in frame.columns if name.startswith("feature_")]
-        features = frame[names].rename(columns=lambda name: name.removeprefix("feature_"))
+        features = frame.filter(regex="^feature_").rename(columns=lambda name: name.removeprefix("feature_"))
         first_segments = frame.iloc[offsets[:-1]]
         table = SegmentTable(
             tuple(f"{d}/{name}" for d, name in zip(drives["digest"], drives["drive"], strict=True)),

@@ -262,7 +262,7 @@ def fit_fleet(
         raise InvalidInput.of(
             "too few trips", "fleet", f"{len(rows)}", f"at least {_MIN_TRIPS} with measured energy"
         )
-    sample = SampledTrips.read([r.segments for r in results if r.segments])
+    sample = SampledTrips.read(results)
     return _fit_rows(rows, sample, sampling.seed)
 
 

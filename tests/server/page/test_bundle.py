@@ -15,7 +15,16 @@ import tripwatt.study.report
 WEB = Path(__file__).resolve().parents[3] / "web"
 PAGE = Path(tripwatt.server.http.__file__).with_name("page")
 REPORT = Path(tripwatt.study.report.__file__).with_name("templates")
-SOURCES = ("build.mjs", "icon.svg", "index.html", "package-lock.json", "package.json", "report", "src", "tsconfig.json")
+SOURCES = (
+    "build.mjs",
+    "icon.svg",
+    "index.html",
+    "package-lock.json",
+    "package.json",
+    "report",
+    "src",
+    "tsconfig.json",
+)
 FIRST_VISIT_BYTES, FONT_BYTES = 340_000, 48_256
 """What a first visit in English loads, and the font of it, which the style sheet names."""
 

@@ -188,7 +188,9 @@ def test_a_folder_has_a_file_for_each_program_and_none_of_an_earlier_report(tmp_
 
 def test_the_need_of_the_night_is_summed():
     page = report(night=night_of(needs_of(0.2))).page()
-    assert "Vehicles with planned trips: 1. They take 9 kWh (median), and with 95\u00a0% at most 9 kWh." in page
+    assert (
+        "Vehicles with planned trips: 1. They take 9 kWh (median), and with 95\u00a0% at most 9 kWh." in page
+    )
     assert "6 kWh are to be charged" in page
     assert "Planned trips: 2. The charge now is known for 1 of 1 departures." in page
     assert "does not suffice: 0." in page
