@@ -334,8 +334,14 @@ class TripStore:
         unknown = [c for c in columns if c not in TRIPS.names]
         raise_faults(Fault.unknown("unknown column", "columns", c, TRIPS.names) for c in unknown)
         order = [c for c in ("vehicle_id", "started_at", "trip_id") if c not in columns]
-        where = _trip_filter(self.buckets, vehicle_id, car_model, since, until)
-        table = self.rows.read([*columns, *order], where)
+        bucket = None if vehicle_id is None else bucket_of(vehicle_id, self.buckets)
+        given = {"bucket": bucket, "vehicle_id": vehicle_id, "car_model": car_model}
+        where = [pc.field(name) == value for name, value in given.items() if value is not None]
+        if since is not None:
+            where.append(pc.field("started_at") >= _to_iso(since, "since"))
+        if until is not None:
+            where.append(pc.field("started_at") < _to_iso(until, "until"))
+        table = self.rows.read([*columns, *order], reduce(and_, where) if where else None)
         by = [("vehicle_id", "ascending"), ("started_at", "ascending"), ("trip_id", "ascending")]
         table = table.take(pc.sort_indices(table, sort_keys=by)[:limit])
         listed: pd.DataFrame = table.select(list(columns)).to_pandas()
@@ -451,9 +457,9 @@ class TripStore:
             "removed": removed,
         }
 
-    def _drop_orphans(self, older_s: float = _ORPHANS_AFTER_S) -> int:
+    def _drop_orphans(self) -> int:
         """Drop samples of batches that are in no row of `trips`, if they are old enough that no writer is at work on them."""
-        before = f"{time.time_ns() - int(older_s * 1e9):020d}"
+        before = f"{time.time_ns() - int(_ORPHANS_AFTER_S * 1e9):020d}"
         batches = self.samples.read(["batch"], pc.field("batch") < before)["batch"].unique().to_pylist()
         kept = set(self.rows.read(["batch"])["batch"].unique().to_pylist())
         lost = sorted(set(batches) - kept)
@@ -663,27 +669,6 @@ def read_file(
             where, got = f"{path}, trip {row['trip_id']}", f"{last - first} samples"
             raise InvalidInput.of("samples are missing", where, got, f"{row['samples']} samples")
         yield row, log_from_rows(row, {name: values[first:last] for name, values in columns.items()})
-
-
-def _trip_filter(
-    buckets: int,
-    vehicle_id: str | None,
-    car_model: str | None,
-    since: dt.date | str | None,
-    until: dt.date | str | None,
-) -> Any:
-    """Return the condition on the rows of `trips`, or None for all rows."""
-    conditions = []
-    if vehicle_id is not None:
-        conditions.append(pc.field("bucket") == bucket_of(vehicle_id, buckets))
-        conditions.append(pc.field("vehicle_id") == vehicle_id)
-    if car_model is not None:
-        conditions.append(pc.field("car_model") == car_model)
-    if since is not None:
-        conditions.append(pc.field("started_at") >= _to_iso(since, "since"))
-    if until is not None:
-        conditions.append(pc.field("started_at") < _to_iso(until, "until"))
-    return reduce(and_, conditions) if conditions else None
 
 
 def _to_iso(moment: dt.date | str, where: str) -> str:
