@@ -7,7 +7,8 @@ a seeded sample and stay as they are until the next fit.
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable, Mapping, Sequence
+from collections import Counter
+from collections.abc import Callable, Mapping
 from concurrent.futures import Executor
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -26,13 +27,12 @@ from tripwatt.fleet.store import TripStore
 from tripwatt.forecasting.forecast import Forecast
 from tripwatt.forecasting.model import ForecastModel
 from tripwatt.forecasting.ranges import training_ranges
-from tripwatt.hybrid import SegmentTable
 from tripwatt.hybrid.familiarity import Range
 from tripwatt.hybrid.groups import GroupPosterior, Scales, Sums, fit_scales, group_posterior
 from tripwatt.trips import Departure, Plan, Trip
 from tripwatt.uncertainty import ChargeScale, ConformalScores, UncertaintyModel
 from tripwatt.uncertainty.model import scale_wh
-from tripwatt.uncertainty.process import HeldOutResidual, held_out_residual
+from tripwatt.uncertainty.process import held_out_residual
 
 _FOLDS: Final = 5
 _MIN_TRIPS: Final = 8
@@ -109,12 +109,11 @@ class FleetModel:
         return round(float(self.sums.count.sum()))
 
     @cached_property
-    def _counts(self) -> dict[tuple[str, str], float]:
+    def _counts(self) -> Counter[tuple[str, ...]]:
         """Number of trips by (car model, vehicle), computed once for all forecasts."""
-        counts: dict[tuple[str, str], float] = {}
-        for group, count in zip(self.sums.groups, self.sums.count.tolist(), strict=True):
-            key = group[0], group[1]
-            counts[key] = counts.get(key, 0.0) + count
+        counts: Counter[tuple[str, ...]] = Counter()
+        for group, count in zip(self.sums.groups, self.sums.count.round().astype(int).tolist(), strict=True):
+            counts[group[:2]] += count
         return counts
 
     @cached_property
@@ -163,7 +162,7 @@ class FleetModel:
         model.corrector_ = FleetCorrector.from_weights(mean, covariance, self.trees)
         model.uncertainty_ = self.uncertainty_of(name, cold)
         model.ranges_ = self.ranges
-        model.trip_ids_ = ("",) * round(self._counts.get((name, vehicle_id or ""), 0.0))
+        model.trip_ids_ = ("",) * self._counts[name, vehicle_id or ""]
         return model
 
     def uncertainty_of(self, car_model: str, cold: bool | None = None) -> UncertaintyModel:
@@ -171,10 +170,9 @@ class FleetModel:
 
         If the car model has no scores, those of the temperature class are used, and else those of the whole fleet.
         """
-        temperature = None if cold is None else ("cold" if cold else "mild")
-        scores = self.scores.get(car_model)
-        if scores is None:
-            scores = self.scores.get(temperature or "", self.uncertainty.scores)
+        temperature = "" if cold is None else ("cold" if cold else "mild")
+        of_fleet = self.scores.get(temperature, self.uncertainty.scores)
+        scores = self.scores.get(car_model, of_fleet)
         return replace(self.uncertainty, scores=scores, charge=self.charges.get(car_model))
 
     def forecast(
@@ -279,7 +277,9 @@ def _fit_rows(rows: TripRows, sample: SampledTrips, seed: int = 0) -> FleetModel
     linear = np.concatenate([c.predict(sample.table.take([i])) for i, c in enumerate(correctors)])
     rounds, trees_w = choose_rounds(sample.table, sample.table.residual_w - linear, folds, seed)
     trees = FleetTrees.fit(sample.table, sample.table.residual_w - linear, rounds, seed)
-    residuals = _held_out_residuals(sample.table, correctors, trees_w)
+    left = [held_out_residual(corrector, sample.table.take([i])) for i, corrector in enumerate(correctors)]
+    by_trees_w = np.split(trees_w, sample.table.offsets[1:-1])
+    residuals = [replace(r, residual_w=r.residual_w - w) for r, w in zip(left, by_trees_w, strict=True)]
     # the residual process costs far more per trip than scale and scores
     process_trips = np.sort(np.random.default_rng(seed).permutation(len(sample))[:_PROCESS_TRIPS])
     uncertainty = UncertaintyModel.from_held_out([residuals[i] for i in process_trips])
@@ -290,8 +290,7 @@ def _fit_rows(rows: TripRows, sample: SampledTrips, seed: int = 0) -> FleetModel
         group_posterior(sums, scales),
         trees,
         uncertainty,
-        _scores_by_class(sample, standardised),
-        _charge_scales(sample),
+        *_by_class(sample, standardised),
         training_ranges(sample.table),
         frozenset(rows.texts("digest").tolist()),
         len(sample),
@@ -313,42 +312,27 @@ def held_out_correctors(
     return [correctors[i] for i in range(len(sample))]
 
 
-def _held_out_residuals(
-    table: SegmentTable, correctors: Sequence[FleetCorrector], trees_w: FloatArray
-) -> list[HeldOutResidual]:
-    """Return what the held-out linear part and the held-out trees leave of each sampled trip."""
-    residuals = []
-    for i, corrector in enumerate(correctors):
-        residual = held_out_residual(corrector, table.take([i]))
-        rows = slice(int(table.offsets[i]), int(table.offsets[i + 1]))
-        residuals.append(replace(residual, residual_w=residual.residual_w - trees_w[rows]))
-    return residuals
+def _by_class(
+    sample: SampledTrips, standardised: FloatArray
+) -> tuple[dict[str, ConformalScores], dict[str, ChargeScale]]:
+    """Return the scores of each car model and temperature class with at least `_MIN_SCORES` sampled trips, and charge scales.
 
-
-def _scores_by_class(sample: SampledTrips, standardised: FloatArray) -> dict[str, ConformalScores]:
-    """Return the scores of each car model and temperature class with at least `_MIN_SCORES` sampled trips."""
-    ambient = sample.table.features["ambient_temperature_degc"].to_numpy()[sample.table.offsets[:-1]]
+    A car model has a charge scale if its sampled trips have readings enough for one.
+    """
+    table = sample.table
+    assert table.charge is not None
+    observed = table.totals_wh(table.observed_power_w)
+    ambient = table.features["ambient_temperature_degc"].to_numpy()[table.offsets[:-1]]
     models = np.array([group[0] for group in sample.groups])
-    masks = {name: models == name for name in sorted(set(models.tolist()))}
-    masks |= {"cold": ambient < COLD_DEGC, "mild": ambient >= COLD_DEGC}
-    return {
+    of_model = {name: models == name for name in sorted(set(models.tolist()))}
+    masks = of_model | {"cold": ambient < COLD_DEGC, "mild": ambient >= COLD_DEGC}
+    scores = {
         name: ConformalScores.from_errors(standardised[mask].tolist())
         for name, mask in masks.items()
         if mask.sum() >= _MIN_SCORES
     }
-
-
-def _charge_scales(sample: SampledTrips) -> dict[str, ChargeScale]:
-    """Return the charge scale of each car model whose sampled trips have readings enough for one."""
-    assert sample.table.charge is not None
-    observed = sample.table.totals_wh(sample.table.observed_power_w)
-    models = np.array([group[0] for group in sample.groups])
-    masks = {name: models == name for name in sorted(set(models.tolist()))}
-    scales = {
-        name: ChargeScale.from_readings(sample.table.charge[mask], observed[mask])
-        for name, mask in masks.items()
-    }
-    return {name: scale for name, scale in scales.items() if scale is not None}
+    scales = {n: ChargeScale.from_readings(table.charge[m], observed[m]) for n, m in of_model.items()}
+    return scores, {name: scale for name, scale in scales.items() if scale is not None}
 
 
 def update_fleet(
@@ -370,8 +354,7 @@ def update_fleet(
         Rows of the new trips.
     """
     wanted = [row for row in store.trip_rows() if row["digest"] not in model.digests]
-    results = list(map_store(file_tasks(store, wanted, work), executor, workers))
-    rows = read_rows(results)
+    rows = read_rows(map_store(file_tasks(store, wanted, work), executor, workers))
     if not len(rows):
         return model, rows
     digests = model.digests | frozenset(rows.texts("digest").tolist())
