@@ -60,14 +60,18 @@ class FleetTrees:
         """
         if not rounds:
             return cls()
-        import lightgbm
+        return cls(_trained(table, residual_w, rounds, seed).model_to_string())
 
-        weight = 1.0 / np.diff(table.offsets)[table.groups]
-        data = lightgbm.Dataset(
-            _tree_columns(table), residual_w, weight=weight / weight.mean(), free_raw_data=True
-        )
-        booster = lightgbm.train({**_TREE_SETTINGS, "seed": seed}, data, num_boost_round=rounds)
-        return cls(booster.model_to_string())
+
+def _trained(
+    table: SegmentTable, residual_w: FloatArray, rounds: int, seed: int, chosen: Any = slice(None)
+) -> Any:
+    """Return a booster of chosen rows of a table, with the same weight for each trip."""
+    import lightgbm
+
+    weight = (1.0 / np.diff(table.offsets)[table.groups])[chosen]
+    data = lightgbm.Dataset(_tree_columns(table)[chosen], residual_w[chosen], weight=weight / weight.mean())
+    return lightgbm.train({**_TREE_SETTINGS, "seed": seed}, data, num_boost_round=rounds)
 
 
 @lru_cache(maxsize=8)
@@ -92,19 +96,15 @@ def choose_rounds(
     folds : ndarray of int, shape (trips,)
     seed : int
     """
-    import lightgbm
-
     counts = list(range(_ROUND_STEP, _MAX_ROUNDS + 1, _ROUND_STEP))
     predictions = np.zeros((len(counts), len(residual_w)))
     row_folds = folds[table.groups]
     X = _tree_columns(table)
-    weight = 1.0 / np.diff(table.offsets)[table.groups]
     for fold in np.unique(folds):
         train, held_out = row_folds != fold, row_folds == fold
         if not train.any():
             continue
-        data = lightgbm.Dataset(X[train], residual_w[train], weight=weight[train] / weight[train].mean())
-        booster = lightgbm.train({**_TREE_SETTINGS, "seed": seed}, data, num_boost_round=_MAX_ROUNDS)
+        booster = _trained(table, residual_w, _MAX_ROUNDS, seed, train)
         for i, count in enumerate(counts):
             predictions[i, held_out] = booster.predict(X[held_out], num_iteration=count, num_threads=1)
     before = float(np.mean(np.abs(table.totals_wh(residual_w))))
