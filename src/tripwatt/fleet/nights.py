@@ -254,7 +254,6 @@ def _trip_need(
     sd_wh = float(np.diff(energies)[0] / ndtri(level))
     is_air_unknown = any(flag.subject == "ambient_temperature_degc" for flag in forecast.flags)
     group = car.name, trip.vehicle_id, trip.driver
-    group = car.name, trip.vehicle_id, trip.driver
     weights = shared_errors(fleet.posterior, group, trip_features(forecast.drive.table)[0])
     weights *= forecast.uncertainty.scale.values[3]
     shared = np.append(weights, forecast.state_sd_wh * is_air_unknown)
@@ -336,9 +335,7 @@ def add_up_needs(trips: pd.DataFrame, probability: float, reserve: float) -> pd.
     needs["spare"] = (
         needs["soc"].fillna(needs.groupby("vehicle_id")["soc_needed"].transform("first")) - reserve - taken
     )
-    needs["chance"] = pd.Series(ndtr(needs["spare"] / sd.clip(lower=1e-9)), needs.index).where(
-        needs["soc"].notna()
-    )
+    needs["chance"] = ndtr(needs["spare"] / sd.clip(lower=1e-9)).where(needs["soc"].notna())
     missing = (taken + z * sd + reserve - needs["soc"]).clip(lower=0.0)
     before = missing.groupby(vehicle).shift(fill_value=0.0)
     soc_quantile = parts["soc"] + z * _sd(parts[shared], parts["own"])

@@ -75,8 +75,8 @@ class DataFile:
         Path relative to the table.
     bucket : int
     month : str
-    rows, bytes : int
-        Number of rows, and size.
+    bytes : int
+        Size.
     first_batch, last_batch : str
         First and last name of the batches in the file.
     """
@@ -84,7 +84,6 @@ class DataFile:
     path: str
     bucket: int
     month: str
-    rows: int
     bytes: int
     first_batch: str
     last_batch: str
@@ -259,7 +258,6 @@ class DeltaFolder:
                 action["path"],
                 action["partition.bucket"],
                 action.get("partition.month") or "",
-                action["num_records"],
                 action["size_bytes"],
                 action["min.batch"],
                 action["max.batch"],

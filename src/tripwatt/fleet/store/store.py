@@ -25,7 +25,7 @@ import pyarrow.compute as pc
 from tripwatt.arrays import by_key
 from tripwatt.auditing import Finding, audit
 from tripwatt.errors import Fault, InvalidInput
-from tripwatt.fleet.store.delta import DataFile, DeltaFolder, join_place, require_deltalake
+from tripwatt.fleet.store.delta import DataFile, DeltaFolder, join_place
 from tripwatt.fleet.store.rows import (
     SAMPLES,
     SIGNALS,
@@ -599,7 +599,6 @@ def open_store(place: Path | str, *, options: Mapping[str, str] | None = None) -
     >>> tw.open_store("trips").about()["trips"]  # doctest: +SKIP
     1280
     """
-    require_deltalake()
     store = TripStore(f"{place}", dict(options or {}))
     about = store.rows.about()
     if about["tripwatt_store"] > FORMAT:
