@@ -6,8 +6,7 @@ from collections.abc import Mapping
 from typing import Any, Final
 
 from tools.docs.tables import intervals_side_by_side, markdown
-from tripwatt.study.evaluation.forecast_scores import UPDATE_LEVEL
-from tripwatt.study.report.intervals import charge_rows, energy_rows, intervals_table
+from tripwatt.study.report.intervals import intervals_table
 from tripwatt.study.report.tables import DASH, Table, number, span
 
 NAMES: Final[Mapping[str, str]] = {
@@ -29,11 +28,7 @@ def render_links(results: Mapping[str, Any]) -> str:
     by_knowledge = results["known"]
     rows = tuple(_row(NAMES.get(name, name), row) for name, row in by_knowledge.items())
     trips = int(results["n_trips"])
-    intervals: list[tuple[str, ...]] = []
-    for key, row in by_knowledge.items():
-        name = NAMES.get(key, key)
-        intervals += energy_rows(name, row, trips)
-        intervals += charge_rows(name, row.get("arrival") or {}, UPDATE_LEVEL)
+    intervals = [(NAMES.get(name, name), row, trips) for name, row in by_knowledge.items()]
     columns = (
         "Known of the speed",
         "Mean error [%]",

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
-from itertools import groupby
-from operator import itemgetter
+from collections.abc import Iterable, Iterator, Mapping
 from typing import Any, Final
 
+from tripwatt.study.evaluation.forecast_scores import UPDATE_LEVEL
 from tripwatt.study.report.tables import DASH, Table, number, span
 
 Bounds = tuple[float, float] | None
@@ -27,54 +26,41 @@ STAR: Final = "*"
 """Mark of a share whose Clopper-Pearson interval excludes the level."""
 
 
-def energy_rows(name: str, score: Mapping[str, Any], trips: int) -> Iterable[tuple[str, ...]]:
-    """Yield a row for each level of the energy's interval.
+def intervals_table(caption: str, scored: Iterable[tuple[str, Mapping[str, Any], int]]) -> Table:
+    """Make a table with a row for each interval of energy and of charge; a set of trips is named only in its first row.
 
     Parameters
     ----------
-    name : str
-        Name of what was scored.
-    score : mapping
-        From `tripwatt.study.evaluation.forecast_scores.coverage_scores`; results of older versions lack counts and needed widths.
-    trips : int
+    caption : str
+    scored : iterable of (str, mapping, int)
+        Name of what was scored, its scores from `tripwatt.study.evaluation.forecast_scores.coverage_scores`, with those of
+        `arrival_scores` as `arrival` if there are any, and number of trips. Results of older versions lack counts and needed widths.
     """
+    rows = [
+        ("" if k else name, *row)
+        for name, score, trips in scored
+        for k, row in enumerate(_rows(score, trips))
+    ]
+    return Table(caption, COLUMNS, tuple(rows), text_columns=frozenset({0, 1}))
+
+
+def _rows(score: Mapping[str, Any], trips: int) -> Iterator[tuple[str, ...]]:
+    """Yield a row for each level of the energy's interval, and one for the charge at arrival from the displayed charge."""
     for key, share in score["coverage"].items():
-        level, needed = float(key), score.get("needed_width_wh", {}).get(key)
+        needed = score.get("needed_width_wh", {}).get(key)
         widths = number(score["interval_width_wh"][key], 1e-3), number(needed, 1e-3)
-        yield _row(
-            (name, f"{100.0 * level:g} % of energy"), share, trips, score["coverage_ci95"][key], level, widths
-        )
-
-
-def charge_rows(name: str, arrival: Mapping[str, Any], level: float) -> Iterable[tuple[str, ...]]:
-    """Yield a row for the interval of the charge at arrival; none if there are no scores from the displayed charge.
-
-    Parameters
-    ----------
-    name : str
-    arrival : mapping
-        From `tripwatt.study.evaluation.forecast_scores.arrival_scores`.
-    level : float
-    """
-    score = arrival.get("soc")
-    if score is None:
-        return
-    widths = number(score["interval_width"], 100, 1), number(score.get("needed_width"), 100, 1)
-    share, trips, bounds = score["coverage"], score["n_trips"], score["coverage_ci95"]
-    yield _row((name, f"{100.0 * level:g} % of charge"), share, trips, bounds, level, widths)
-
-
-def intervals_table(caption: str, rows: Iterable[tuple[str, ...]]) -> Table:
-    """Make a table of the rows; a set of trips is named only in its first row."""
-    sets = (enumerate(of_set) for _, of_set in groupby(rows, key=itemgetter(0)))
-    shown = (("" if k else row[0], *row[1:]) for of_set in sets for k, row in of_set)
-    return Table(caption, COLUMNS, tuple(shown), text_columns=frozenset({0, 1}))
+        yield _row("energy", share, trips, score["coverage_ci95"][key], float(key), widths)
+    charge = (score.get("arrival") or {}).get("soc")
+    if charge is not None:
+        widths = number(charge["interval_width"], 100, 1), number(charge.get("needed_width"), 100, 1)
+        share, trips, bounds = charge["coverage"], charge["n_trips"], charge["coverage_ci95"]
+        yield _row("charge", share, trips, bounds, UPDATE_LEVEL, widths)
 
 
 def _row(
-    names: tuple[str, str], share: float, trips: int, ci95: Bounds, level: float, widths: tuple[str, str]
+    of: str, share: float, trips: int, ci95: Bounds, level: float, widths: tuple[str, str]
 ) -> tuple[str, ...]:
     inside = round(share * trips)
     shown = number(inside / trips, 100, 0) if trips else DASH
     mark = STAR if ci95 and not ci95[0] <= level <= ci95[1] else ""
-    return (*names, f"{inside} of {trips}", f"{shown}{mark}", span(ci95, 0), *widths)
+    return (f"{100.0 * level:g} % of {of}", f"{inside} of {trips}", f"{shown}{mark}", span(ci95, 0), *widths)

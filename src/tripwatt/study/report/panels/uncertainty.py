@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Final
 
-from tripwatt.study.evaluation.forecast_scores import UPDATE_LEVEL
-from tripwatt.study.report.intervals import STAR, WIDTH_NOTE, charge_rows, energy_rows, intervals_table
+from tripwatt.study.report.intervals import STAR, WIDTH_NOTE, intervals_table
 from tripwatt.study.report.panel import Panel
 from tripwatt.study.report.tables import Column, Table, in_kwh, in_percent, make_table
 from tripwatt.study.report.view import Record, View, describe_evaluation
@@ -39,13 +38,8 @@ def scored_sets(view: View) -> list[tuple[str, Record, int]]:
 
 def coverage_by_set(view: View) -> Table:
     """Tabulate coverage, width and needed width of energy and charge, for every set of held-out trips."""
-    rows: list[tuple[str, ...]] = []
-    for name, score, trips in scored_sets(view):
-        rows += energy_rows(name, score, trips)
-        rows += charge_rows(name, score.get("arrival") or {}, UPDATE_LEVEL)
-    return intervals_table(
-        view.captioned(f"Intervals of held-out trips by kind, {view.protocol.given}"), rows
-    )
+    caption = view.captioned(f"Intervals of held-out trips by kind, {view.protocol.given}")
+    return intervals_table(caption, scored_sets(view))
 
 
 def _arrival_table(view: View) -> Table:
