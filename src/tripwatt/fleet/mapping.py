@@ -125,7 +125,7 @@ def file_tasks(
         _FileTask(
             place if "://" in place else str(Path(place).absolute()),
             dict(store.options),
-            part.file.path,
+            part.path,
             tuple({name: row[name] for name in _TASK_COLUMNS} for row in part.rows),
             sampled & {row["digest"] for row in part.rows},
             folder,

@@ -66,30 +66,6 @@ def join_place(place: str, name: str) -> str:
 
 
 @dataclass(frozen=True, slots=True)
-class DataFile:
-    """A data file of a table.
-
-    Attributes
-    ----------
-    path : str
-        Path relative to the table.
-    bucket : int
-    month : str
-    bytes : int
-        Size.
-    first_batch, last_batch : str
-        First and last name of the batches in the file.
-    """
-
-    path: str
-    bucket: int
-    month: str
-    bytes: int
-    first_batch: str
-    last_batch: str
-
-
-@dataclass(frozen=True, slots=True)
 class DeltaFolder:
     """One Delta table, opened anew for each use, so that every result is of the newest version.
 
@@ -250,18 +226,17 @@ class DeltaFolder:
         """
         return self.open().to_pyarrow_dataset().to_table(columns=columns, filter=where)
 
-    def data_files(self) -> Iterator[DataFile]:
-        """Yield the data files of the newest version, sorted by path."""
+    def data_files(self) -> list[dict[str, Any]]:
+        """Return the data files of the newest version, sorted by path.
+
+        Returns
+        -------
+        list of dict
+            One for each file, as `deltalake` names its values: `path` relative to the table, `size_bytes`, `partition.` and a column by
+            which the table is partitioned, and `min.batch` and `max.batch`, the first and last name of the batches in the file.
+        """
         actions = pa.table(self.open().get_add_actions(flatten=True)).to_pylist()
-        for action in sorted(actions, key=lambda a: str(a["path"])):
-            yield DataFile(
-                action["path"],
-                action["partition.bucket"],
-                action.get("partition.month") or "",
-                action["size_bytes"],
-                action["min.batch"],
-                action["max.batch"],
-            )
+        return sorted(actions, key=lambda action: str(action["path"]))
 
     def filesystem(self) -> Any:
         """Return the table's folder as a file system of pyarrow."""

@@ -25,7 +25,7 @@ import pyarrow.compute as pc
 from tripwatt.arrays import by_key
 from tripwatt.auditing import Finding, audit
 from tripwatt.errors import Fault, InvalidInput
-from tripwatt.fleet.store.delta import DataFile, DeltaFolder, join_place
+from tripwatt.fleet.store.delta import DeltaFolder, join_place
 from tripwatt.fleet.store.rows import (
     SAMPLES,
     SIGNALS,
@@ -119,8 +119,8 @@ class FileTrips:
 
     Attributes
     ----------
-    file : DataFile
-        A data file of the table `samples`.
+    path : str
+        Path of a data file, relative to the table `samples`.
     rows : tuple of mapping
         Rows of `trips` of the wanted logs.
 
@@ -135,7 +135,7 @@ class FileTrips:
     2
     """
 
-    file: DataFile
+    path: str
     rows: tuple[Mapping[str, Any], ...]
 
 
@@ -365,7 +365,7 @@ class TripStore:
         wanted = self.trip_rows(**which) if rows is None else rows
         files = self.samples.filesystem()
         for part in self.file_trips(wanted):
-            for _, log in read_file(files, part.file.path, part.rows):
+            for _, log in read_file(files, part.path, part.rows):
                 yield log
 
     def trip_rows(self, **which: Any) -> list[dict[str, Any]]:
@@ -401,13 +401,10 @@ class TripStore:
         by_partition = by_key(rows, lambda row: (row["bucket"], row["month"]))
         files = []
         for file in self.samples.data_files():
-            wanted = tuple(
-                row
-                for row in by_partition.get((file.bucket, file.month), ())
-                if file.first_batch <= row["batch"] <= file.last_batch
-            )
+            near = by_partition.get((file["partition.bucket"], file["partition.month"]), ())
+            wanted = tuple(row for row in near if file["min.batch"] <= row["batch"] <= file["max.batch"])
             if wanted:
-                files.append(FileTrips(file, wanted))
+                files.append(FileTrips(file["path"], wanted))
         return files
 
     def audit(self, **which: Any) -> tuple[Finding, ...]:
@@ -525,7 +522,7 @@ class TripStore:
             "distance_m": float(frame["distance_m"].sum()),
             "first": None if started.empty else str(started.min()),
             "last": None if started.empty else str(started.max()),
-            "bytes": sum(file.bytes for file in self.samples.data_files()),
+            "bytes": sum(file["size_bytes"] for file in self.samples.data_files()),
         }
 
     def __repr__(self) -> str:
@@ -617,7 +614,7 @@ def read_file(
     files : pyarrow.fs.FileSystem
         File system of the table `samples`.
     path : str
-        Path of the data file, from `DataFile.path`.
+        Path of the data file, from `FileTrips.path`.
     rows : sequence of mapping
         Rows of `trips` of the wanted logs; those that are not in the file are skipped.
 
@@ -641,7 +638,7 @@ def read_file(
     ...     store = create_store(folder)
     ...     _ = store.add(synthetic_fleet(1), vehicle_id="V1", car_model="bmw_i3_60ah")
     ...     (part,) = store.file_trips(store.trip_rows())
-    ...     for row, log in read_file(store.samples.filesystem(), part.file.path, part.rows):
+    ...     for row, log in read_file(store.samples.filesystem(), part.path, part.rows):
     ...         print(row["vehicle_id"], len(log) == row["samples"])
     V1 True
     """
