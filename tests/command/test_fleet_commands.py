@@ -4,6 +4,7 @@ import json
 import shlex
 from pathlib import Path
 
+import pandas as pd
 import pytest
 from typer.testing import CliRunner
 
@@ -110,6 +111,55 @@ def test_a_car_of_a_file_is_kept_by_its_whole_path(tmp_path, monkeypatch):
     load_car.cache_clear()
     gone = CliRunner().invoke(app, ["fleet", "fit", f"{store}", "n"])
     assert str(gone.exception).startswith(f"the file of a car model is missing: {car}: got no such file")
+
+
+def mixed_logs(folder, vehicles):
+    """A file of a trip of each vehicle, and the mapping that names the vehicle's column."""
+    folder.mkdir()
+    for i, vehicle in enumerate(vehicles):
+        drive(start=0.3 * i).samples.assign(vin=vehicle).to_csv(folder / f"d{i}.csv", index=False)
+    names = ("time_s", "speed_m_s", "voltage_v", "current_a")
+    columns = "".join(f'{name} = {{ column = "{name}" }}\n' for name in names)
+    (folder / "m.toml").write_text(f'[columns]\n{columns}[trip]\nvehicle = "vin"\n')
+    return folder, "--mapping", folder / "m.toml"
+
+
+def test_a_mixed_fleet_is_added_by_a_table_of_its_cars(tmp_path):
+    """A row with a fault and a vehicle without a row are named together; the others are added, and the rest after a repair."""
+    logs = mixed_logs(tmp_path / "logs", ["V1", "V2", "V3", "V4", "V1"])
+    figures = "--mass 2200 --battery 60 --consumption 26 --power 85 --body van --out"
+    run("vehicles", "new", *figures.split(), tmp_path / "van.toml")
+    cars, store = tmp_path / "cars.csv", tmp_path / "s"
+    cars.write_text("vehicle_id,car\nV1,vw_id3\nV2,van.toml\nV3,vw_id33\n")
+    run("store", "create", store)
+    done = CliRunner().invoke(app, ["store", "add", *map(str, (store, *logs, "--cars", cars))])
+    faults = {fault.what: fault for fault in done.exception.faults}
+    assert faults["vehicle without a car"].got == "V4"
+    (wrong,) = (fault for fault in faults.values() if "vw_id33" in fault.got)
+    assert wrong.where.startswith(f"{cars}: V3: ")
+    assert len(faults) == 2
+    added = tw.open_store(store).trips()[["vehicle_id", "car_model"]].drop_duplicates()
+    assert [*map(tuple, added.to_numpy())] == [("V1", "vw_id3"), ("V2", f"{tmp_path / 'van.toml'}")]
+    cars.write_text("vehicle_id,car\nV1,vw_id3\nV2,van.toml\nV3,vw_id3\nV4,vw_id3\n")
+    assert "2 trips added, 3 were known" in run("store", "add", store, *logs, "--cars", cars)
+    for asked in ((), ("--cars", cars, "--car", "vw_id3")):
+        refused = CliRunner().invoke(app, ["store", "add", *map(str, (store, *logs, *asked))])
+        assert "one of them is needed: --car, --cars" in str(refused.exception)
+
+
+def test_adding_in_parts_is_adding_at_once(tmp_path):
+    folder, *mapping = mixed_logs(tmp_path / "logs", ["V1", "V2", "V2"])
+    cars = tmp_path / "cars.csv"
+    cars.write_text("vehicle_id,car\nV1,vw_id3\nV2,bmw_i3_60ah\n")
+    parts = {"once": [folder], "parts": sorted(folder.glob("*.csv"), reverse=True)}
+    rows = {}
+    for name, places in parts.items():
+        run("store", "create", tmp_path / name)
+        for place in places:
+            run("store", "add", tmp_path / name, place, *mapping, "--cars", cars)
+        rows[name] = tw.open_store(tmp_path / name).trips()
+    pd.testing.assert_frame_equal(rows["once"], rows["parts"])
+    assert len(rows["once"]) == 3
 
 
 def test_a_fault_of_many_files_is_listed_once(tmp_path):

@@ -288,8 +288,9 @@ def report(
     """
     from tripwatt.fleet.charging import Depot, read_tariff
     from tripwatt.fleet.nights import read_planned
+    from tripwatt.fleet.store import read_by_vehicle
     from tripwatt.study.report.fleets import ManagerReport
-    from tripwatt.study.report.totals import ReportSettings, read_groups
+    from tripwatt.study.report.totals import ReportSettings
 
     now = dt.datetime.now().astimezone()
     at = now if begins is None else time_of(begins, "--begins")
@@ -303,7 +304,7 @@ def report(
     ahead = [trip for trip in trips if trip.departs_at >= min(now, at)]
     rows = _rows(fleet, fleet.place, fleet)
     depot = Depot(at, plug, grid and 1e3 * grid, {} if tariff is None else read_tariff(tariff))
-    named = {} if groups is None else read_groups(groups)
+    named = {} if groups is None else read_by_vehicle(groups, "group")
     asked = ReportSettings(probability, reserve, drivers, coldest, price, co2, named)
     result = ManagerReport.of(about, versions.load(), rows, (ahead, depot) if ahead else None, asked)
     document = result.write(folder)

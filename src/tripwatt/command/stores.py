@@ -18,6 +18,9 @@ if TYPE_CHECKING:
 
 PAIRS = "What an object store needs, such as AWS_REGION=eu-central-1; environment variables count too. Repeatable."
 
+CAR = "The car of all logs: a name of `tripwatt vehicles`, or a TOML file."
+CARS = "The car of each vehicle, in place of --car: a CSV file with the columns vehicle_id and car."
+
 
 @dataclass(frozen=True, kw_only=True)
 class Store:
@@ -73,7 +76,8 @@ def create(
 def add(
     store: Store,
     data: Annotated[Path, argument("DATA", "Folder or file of logged trips.")],
-    vehicle: Annotated[str, option("NAME|FILE", "A name of `tripwatt vehicles`, or a TOML file.", "--car")],
+    vehicle: Annotated[str | None, option("NAME|FILE", CAR, "--car")] = None,
+    cars: Annotated[Path | None, option("FILE", CARS)] = None,
     vehicle_id: Annotated[str | None, option("ID", "The vehicle of logs that do not name theirs.")] = None,
     dataset: shared.Dataset = None,
     mapping: shared.Columns = None,
@@ -89,17 +93,24 @@ def add(
       tripwatt store add fleet logs --mapping my.toml --car nissan_leaf_40
       # add a trip of one vehicle
       tripwatt store add fleet drive.csv --car vw_id3 --vehicle-id V17
+      # add the trips of a mixed fleet
+      tripwatt store add fleet logs --mapping my.toml --cars cars.csv
     """
     from tripwatt.fleet.store import add_files
 
-    tw.load_vehicle(vehicle)
-    vehicle = f"{Path(vehicle).resolve()}" if vehicle.endswith(".toml") else vehicle
+    if (vehicle is None) == (cars is None):
+        got = "neither" if cars is None else "both"
+        raise InvalidInput.of("one of them is needed", "--car, --cars", got, "one of the two")
+    if vehicle is not None:
+        tw.load_vehicle(vehicle)
+        vehicle = f"{Path(vehicle).resolve()}" if vehicle.endswith(".toml") else vehicle
     target = store.opened()
     try:
         done = add_files(
             target,
             data,
-            car_model=vehicle,
+            car_model=vehicle or "",
+            cars=cars,
             vehicle_id=vehicle_id,
             dataset=shared.Logs(data, dataset, mapping).format,
             mapping=mapping,

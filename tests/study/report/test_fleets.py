@@ -19,6 +19,7 @@ from tripwatt.fleet.features import START
 from tripwatt.fleet.nights import OF_ERRORS, Cold, PlannedTrip, needs_by_hour
 from tripwatt.fleet.registry import REPORT_FILES
 from tripwatt.fleet.statistics import ROWS, TripRows
+from tripwatt.fleet.store import read_by_vehicle
 from tripwatt.hybrid.groups import fit_scales, group_posterior
 from tripwatt.study.evaluation.fleets import FleetEvaluation
 from tripwatt.study.report.fleets import (
@@ -28,7 +29,7 @@ from tripwatt.study.report.fleets import (
     needs_table,
     routes_table,
 )
-from tripwatt.study.report.totals import ReportSettings, drivers_by_name, read_groups, totals
+from tripwatt.study.report.totals import ReportSettings, drivers_by_name, totals
 from tripwatt.trips import Departure
 
 AT = dt.datetime(2026, 1, 11, 18, tzinfo=dt.UTC)
@@ -345,7 +346,10 @@ def test_drivers_are_in_the_order_of_names_with_the_chance_of_no_difference():
 def test_groups_are_read_from_a_table_and_a_missing_column_is_named(tmp_path):
     file = tmp_path / "groups.csv"
     file.write_text("vehicle_id,group\nv1,north\n", "utf-8")
-    assert read_groups(file) == {"v1": "north"}
+    assert read_by_vehicle(file, "group") == {"v1": "north"}
     file.write_text("vehicle_id,depot\nv1,north\n", "utf-8")
     with pytest.raises(InvalidInput, match=r"missing column: .*vehicle_id, depot; allowed: a column group"):
-        read_groups(file)
+        read_by_vehicle(file, "group")
+    file.write_text("vehicle_id,group\nv1,north\nv1,south\n", "utf-8")
+    with pytest.raises(InvalidInput, match=r"several rows: .*: got v1"):
+        read_by_vehicle(file, "group")

@@ -190,7 +190,7 @@ class TripStore:
         self,
         logs: TripSet | Iterable[Recorded],
         *,
-        car_model: str,
+        car_model: str | Mapping[str, str],
         vehicle_id: str | None = None,
         batch: int = BATCH,
         progress: Callable[[Added], None] | None = None,
@@ -205,8 +205,8 @@ class TripStore:
         ----------
         logs : TripSet or iterable of Log
             Logs as returned by a reader, before any resampling. They are audited one by one.
-        car_model : str
-            Name of a car of the library.
+        car_model : str or mapping of str to str
+            Name of a car of the library, or the one of each vehicle.
         vehicle_id : str, optional
             Vehicle of the logs that name none in `context.car`.
         batch : int
@@ -224,15 +224,21 @@ class TripStore:
         InvalidInput
             If logs name no vehicle, were resampled, or have the id of another log of their vehicle.
         """
-        raise_faults([*_name_faults("car model", car_model), *_name_faults("vehicle", vehicle_id)])
+        cars = {} if isinstance(car_model, str) else car_model
+        usual = car_model if isinstance(car_model, str) else None
+        raise_faults([*_name_faults("car model", usual), *_name_faults("vehicle", vehicle_id)])
         if batch < 1:
             raise InvalidInput.of("value out of range", "batch", f"{batch}", "at least 1")
         total = Added()
         remaining = iter(logs.logs if isinstance(logs, TripSet) else logs)
         while chunk := list(islice(remaining, batch)):
             raise_faults(_log_faults(chunk, vehicle_id))
+            vehicles = [log.context.car or vehicle_id or "" for log in chunk]
+            models = [usual or cars.get(vehicle, "") for vehicle in vehicles]
+            raise_faults(fault for model in models for fault in _name_faults("car model", model))
             stored = [
-                stored_log(log, log.context.car or vehicle_id or "", car_model, self.buckets) for log in chunk
+                stored_log(log, vehicle, model, self.buckets)
+                for log, vehicle, model in zip(chunk, vehicles, models, strict=True)
             ]
             total += self._add_batch(stored)
             if progress is not None:

@@ -4,17 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from pathlib import Path
 
 import numpy as np
 import pandas as pd
 
-from tripwatt.errors import Fault, raise_faults
 from tripwatt.fleet.charging import EFFICIENCY
 from tripwatt.fleet.deviations import deviations
 from tripwatt.fleet.statistics import TripRows
 from tripwatt.hybrid.groups import GroupPosterior
-from tripwatt.sources.columnar import open_table
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,23 +41,6 @@ class ReportSettings:
     price: float = 0.30
     co2_g: float = 250.0
     groups: Mapping[str, str] = field(default_factory=dict)
-
-
-def read_groups(file: Path) -> dict[str, str]:
-    """Read the group of each vehicle from a CSV file with the columns `vehicle_id` and `group`.
-
-    Raises
-    ------
-    InvalidInput
-        If a column is missing.
-    """
-    table = open_table(file)
-    raise_faults(table.faults)
-    missing = [name for name in ("vehicle_id", "group") if name not in table.names]
-    raise_faults(
-        Fault("missing column", f"{file}", ", ".join(table.names)[:200], f"a column {n}") for n in missing
-    )
-    return dict(zip(table.texts("vehicle_id"), table.texts("group"), strict=True))
 
 
 def trip_energies(posterior: GroupPosterior, rows: TripRows) -> pd.DataFrame:
