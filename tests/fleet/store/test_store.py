@@ -307,6 +307,18 @@ def test_forgetting_leaves_nothing(store, tmp_path):
     assert len(store.samples.read(["sample"])) == 400
 
 
+def test_the_others_of_a_bucket_are_listed_and_added_after_forgetting(tmp_path):
+    """A deletion writes the rows of the others again, with another type of texts."""
+    made = create_store(tmp_path / "s", buckets=1)
+    made.add([drive(trip=v, vehicle=v, start=float(v)) for v in "123"], car_model=CAR)
+    made.forget("2")
+    assert [*made.trips(vehicle_id="1", since="2024-01-01")["trip_id"]] == ["1"]
+    assert [*made.trips(car_model=CAR)["trip_id"]] == ["1", "3"]
+    assert made.add([drive(trip="2", vehicle="2", start=2.0)], car_model=CAR) == Added(1, 0, 0)
+    assert [log.trip_id for log in made.logs(vehicle_id="3")] == ["3"]
+    assert made.forget("3") == 1
+
+
 def test_forgetting_that_was_killed_before_the_files_is_repeated(store, tmp_path, monkeypatch):
     store.add([drive(vehicle="WVWZZZ17", trip="A"), drive(vehicle="V2", trip="B")], car_model=CAR)
 

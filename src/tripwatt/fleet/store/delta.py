@@ -6,7 +6,7 @@ The package `deltalake` is optional and imported on first use.
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from importlib import import_module
@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any, Final, TypeVar
 
 import pyarrow as pa
+import pyarrow.compute as pc
 
 from tripwatt.errors import InvalidInput, install
 
@@ -247,6 +248,19 @@ class DeltaFolder:
         from deltalake.fs import DeltaStorageHandler
 
         return fs.PyFileSystem(DeltaStorageHandler(self.place, dict(self.options)))
+
+
+def text_column(name: str) -> Any:
+    """Return a column of texts for a condition on rows.
+
+    The cast is needed because files that a deletion wrote again hold views of texts, which pyarrow compares with no other texts.
+    """
+    return pc.field(name).cast(pa.large_string())
+
+
+def is_one_of(name: str, texts: Iterable[str]) -> Any:
+    """Return the condition that a column has one of some texts."""
+    return text_column(name).isin(pa.array([*texts], pa.large_string()))
 
 
 def _writer_properties() -> Any:

@@ -25,7 +25,7 @@ import pyarrow.compute as pc
 from tripwatt.arrays import by_key
 from tripwatt.auditing import Finding, audit
 from tripwatt.errors import Fault, InvalidInput
-from tripwatt.fleet.store.delta import DeltaFolder, join_place
+from tripwatt.fleet.store.delta import DeltaFolder, is_one_of, join_place, text_column
 from tripwatt.fleet.store.rows import (
     SAMPLES,
     SIGNALS,
@@ -282,7 +282,7 @@ class TripStore:
         """
         vehicles = sorted({s.row["vehicle_id"] for s in stored})
         buckets = sorted({s.row["bucket"] for s in stored})
-        where = pc.field("bucket").isin(buckets) & pc.field("vehicle_id").isin(vehicles)
+        where = pc.field("bucket").isin(buckets) & is_one_of("vehicle_id", vehicles)
         columns = ["digest", "vehicle_id", "trip_id"]
         rows = table.to_pyarrow_dataset().to_table(columns=columns, filter=where)
         known, *names = (rows[name].to_pylist() for name in columns)
@@ -307,6 +307,7 @@ class TripStore:
         car_model: str | None = None,
         since: dt.date | str | None = None,
         until: dt.date | str | None = None,
+        digests: Iterable[str] | None = None,
         columns: Sequence[str] = LISTED,
         limit: int | None = None,
     ) -> pd.DataFrame:
@@ -322,6 +323,8 @@ class TripStore:
             Only logs that depart at or after this time; a text is ISO 8601.
         until : date or str, optional
             Only logs that depart before this time.
+        digests : iterable of str, optional
+            Only logs with these digests.
         columns : sequence of str
             Columns of the table `trips`.
         limit : int, optional
@@ -340,13 +343,16 @@ class TripStore:
         unknown = [c for c in columns if c not in TRIPS.names]
         raise_faults(Fault.unknown("unknown column", "columns", c, TRIPS.names) for c in unknown)
         order = [c for c in ("vehicle_id", "started_at", "trip_id") if c not in columns]
-        bucket = None if vehicle_id is None else bucket_of(vehicle_id, self.buckets)
-        given = {"bucket": bucket, "vehicle_id": vehicle_id, "car_model": car_model}
-        where = [pc.field(name) == value for name, value in given.items() if value is not None]
+        given = {"vehicle_id": vehicle_id, "car_model": car_model}
+        where = [text_column(name) == value for name, value in given.items() if value is not None]
+        if vehicle_id is not None:
+            where.append(pc.field("bucket") == bucket_of(vehicle_id, self.buckets))
         if since is not None:
-            where.append(pc.field("started_at") >= _to_iso(since, "since"))
+            where.append(text_column("started_at") >= _to_iso(since, "since"))
         if until is not None:
-            where.append(pc.field("started_at") < _to_iso(until, "until"))
+            where.append(text_column("started_at") < _to_iso(until, "until"))
+        if digests is not None:
+            where.append(is_one_of("digest", digests))
         table = self.rows.read([*columns, *order], reduce(and_, where) if where else None)
         by = [("vehicle_id", "ascending"), ("started_at", "ascending"), ("trip_id", "ascending")]
         table = table.take(pc.sort_indices(table, sort_keys=by)[:limit])
@@ -463,7 +469,7 @@ class TripStore:
     def _drop_orphans(self) -> int:
         """Drop samples of batches that are in no row of `trips`, if they are old enough that no writer is at work on them."""
         before = f"{time.time_ns() - int(_ORPHANS_AFTER_S * 1e9):020d}"
-        batches = self.samples.read(["batch"], pc.field("batch") < before)["batch"].unique().to_pylist()
+        batches = self.samples.read(["batch"], text_column("batch") < before)["batch"].unique().to_pylist()
         kept = set(self.rows.read(["batch"])["batch"].unique().to_pylist())
         lost = sorted(set(batches) - kept)
         return self.samples.delete(f"batch IN ({_sql_texts(lost)})") if lost else 0
@@ -490,7 +496,7 @@ class TripStore:
             If the tables have no rows of this vehicle; files that held them earlier are removed all the same.
         """
         bucket = bucket_of(vehicle_id, self.buckets)
-        of_vehicle = (pc.field("bucket") == bucket) & (pc.field("vehicle_id") == vehicle_id)
+        of_vehicle = (pc.field("bucket") == bucket) & (text_column("vehicle_id") == vehicle_id)
         erased = []
         for folder in (self.rows, self.samples):
             digests = sorted(set(folder.read(["digest"], of_vehicle)["digest"].to_pylist()))
