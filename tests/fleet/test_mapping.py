@@ -23,8 +23,11 @@ from tripwatt.fleet.mapping import (
     run_task,
     sample_digests,
     sound_drives,
+    store_rows,
+    usable_trips,
 )
 from tripwatt.fleet.statistics import ROWS, TripRows
+from tripwatt.fleet.store import create_store
 from tripwatt.hybrid import segment_trips
 from tripwatt.trips import Trip
 from tripwatt.vehicles import load_vehicle
@@ -53,6 +56,41 @@ def test_the_map_sums_every_sound_drive_up_once(fleet, rows):
     assert sorted(r.rows for r in mapped(store, folder / "rows")) == sorted(r.rows for r in results)
     assert TripRows.join([rows.table, rows.table]).table.equals(rows.table)  # a drive counts once
     assert TripRows.join([]).table.schema.equals(ROWS)
+
+
+def test_rows_of_nights_are_the_rows_of_all_trips_and_only_new_trips_are_read(fleet, rows, tmp_path):
+    """Also after the files were merged, and for trips without a row; a trip that was erased and added again counts anew."""
+    plan, *_ = fleet
+    store = create_store(tmp_path / "s", buckets=2)
+    work, read = tmp_path / "work", []
+
+    class Counting(InProcess):
+        def submit(self, call, task):
+            read.extend(row["digest"] for row in task.rows)
+            return super().submit(call, task)
+
+    def now():
+        read.clear()
+        return store_rows(store, usable_trips(store), work, Counting())[0]
+
+    logs = list(many_vehicles(plan))
+    for part in (logs[::3], logs[1::3], logs[2::3]):
+        for log in part:
+            its = plan.car_models[int(log.context.car[1:]) % len(plan.car_models)]
+            store.add([log], car_model=its)
+        got = now()
+        assert len(read) == len(part)
+    assert got.table.equals(rows.table)
+    store.compact()
+    assert now().table.equals(rows.table)
+    assert not read
+    vehicle = logs[0].context.car
+    store.forget(vehicle)
+    store.add([log for log in logs if log.context.car == vehicle], car_model="vw_id3")
+    again = now()
+    assert set(read) == set(store.trips(vehicle_id=vehicle)["digest"])
+    assert set(again.texts("car_model")[again.texts("vehicle_id") == vehicle]) == {"vw_id3"}
+    assert len(again) == len(rows)
 
 
 DRIVER = """

@@ -329,12 +329,12 @@ def _show_report(result: ManagerReport, folder: Path) -> None:
 
 def _rows(store: Store, work: Path, on: Workers) -> TripRows:
     """Read the rows of the trips of a store."""
-    from tripwatt.fleet.mapping import file_tasks, map_store, read_rows
+    from tripwatt.fleet.mapping import store_rows, usable_trips
 
     source = store.opened()
     with progress(console()) as advance, on.running() as (executor, workers):
-        tasks = file_tasks(source, source.trip_rows(), work)
-        return read_rows(map_store(tasks, executor, workers, advance))
+        listed = usable_trips(source)
+        return store_rows(source, listed, work, executor, workers, progress=advance)[0]
 
 
 def evaluate(

@@ -17,7 +17,9 @@ from pathlib import Path
 from typing import Any, Final, NamedTuple
 
 import numpy as np
+import pandas as pd
 import pyarrow as pa
+import pyarrow.compute as pc
 import pyarrow.parquet as pq
 
 from tripwatt.arrays import IntArray, by_key
@@ -28,7 +30,7 @@ from tripwatt.fleet.executors import map_bounded
 from tripwatt.fleet.features import FEATURES, trip_features, trip_variance_wh2
 from tripwatt.fleet.statistics import KEYS, NO_DRIVER, ROWS, TripRows
 from tripwatt.fleet.store import TripStore, read_file
-from tripwatt.fleet.store.delta import DeltaFolder
+from tripwatt.fleet.store.delta import DeltaFolder, is_one_of
 from tripwatt.hybrid import SegmentTable, segment_table
 from tripwatt.hybrid.energy_errors import unknown_climb_wh
 from tripwatt.hybrid.groups import Sums
@@ -45,6 +47,9 @@ _MEASURED: Final = (*REQUIRED_COLUMNS, "voltage_v", "current_a", "observed_energ
 _TASK_COLUMNS: Final = ("digest", "batch", "vehicle_id", "trip_id", "car_model", "driver", "started_at", "as_logged", "drives",
                "context", "columns", "samples")  # fmt: skip
 """Columns of `trips` that a task carries."""
+
+_KEPT: Final = pa.schema([*ROWS, pa.field("batch", pa.string())])
+"""Schema of the rows that `store_rows` keeps; `drive` is null if a trip has no row."""
 
 
 class _FileResult(NamedTuple):
@@ -351,6 +356,58 @@ class SampledTrips:
 def read_rows(results: Iterable[_FileResult]) -> TripRows:
     """Read the rows of all results, sorted."""
     return TripRows.join([pq.read_table(result.rows).cast(ROWS) for result in results])
+
+
+def usable_trips(store: TripStore, **which: Any) -> pd.DataFrame:
+    """List the trips with a sound drive and measured energy; `which` is as in `TripStore.trips`."""
+    columns = ["car_model", "vehicle_id", "digest", "batch", "drives", "energy_wh"]
+    listed = store.trips(columns=columns, **which)
+    return listed[(listed["drives"] > 0) & listed["energy_wh"].notna()]
+
+
+def store_rows(
+    store: TripStore, listed: pd.DataFrame, work: Path | str, executor: Executor, workers: int = 1, *,
+    sampled: frozenset[str] = frozenset(), progress: Callable[[int, int], None] | None = None,
+) -> tuple[TripRows, list[_FileResult]]:  # fmt: skip
+    """Return the rows of the listed trips, and the results of the tasks that were needed for them.
+
+    All rows are kept in one file of `work`, by trip and batch. A later call reads the samples of new and of sampled trips only, also
+    after the data files of the store were merged.
+
+    Parameters
+    ----------
+    store : TripStore
+    listed : DataFrame
+        From `usable_trips`.
+    work : path
+        Folder of finished parts.
+    executor, workers, progress
+        As in `map_store`.
+    sampled : frozenset of str
+        Digests of the trips whose segments are needed, too.
+    """
+    name = hashlib.sha256(json.dumps([VERSION, store.samples.place, FEATURES]).encode()).hexdigest()[:32]
+    path = Path(work) / f"{name}.parquet"
+    kept = pq.read_table(path) if path.is_file() else _KEPT.empty_table()
+    batches = dict(zip(listed["digest"], listed["batch"], strict=True))
+    pairs = [*zip(kept["digest"].to_pylist(), kept["batch"].to_pylist(), strict=True)]
+    new = frozenset(batches) - {digest for digest, batch in pairs if batches.get(digest) == batch}
+    results: list[_FileResult] = []
+    if new | sampled:
+        tasks = file_tasks(store, store.trip_rows(digests=new | sampled), work, sampled)
+        results = list(map_store(tasks, executor, workers, progress))
+    if new:
+        made = read_rows(results).table.filter(is_one_of("digest", new))
+        without = new.difference(made["digest"].to_pylist())  # a trip without a row is not read again, either
+        empty = pa.Table.from_pylist([{"digest": digest} for digest in sorted(without)], ROWS)
+        made = pa.concat_tables([made, empty])
+        of_batch = pa.array([batches[digest] for digest in made["digest"].to_pylist()], pa.string())
+        kept = kept.filter(~is_one_of("digest", new))
+        kept = pa.concat_tables([kept, made.append_column(_KEPT.field("batch"), of_batch)])
+        path.parent.mkdir(parents=True, exist_ok=True)
+        _write_parquet(kept, path)
+    wanted = is_one_of("digest", batches) & pc.field("drive").is_valid()
+    return TripRows.join([kept.filter(wanted).select(ROWS.names)]), results
 
 
 def sample_digests(

@@ -21,7 +21,7 @@ from tripwatt.arrays import FloatArray, IntArray, by_key
 from tripwatt.errors import InvalidInput
 from tripwatt.fleet.corrector import FleetCorrector, FleetTrees, choose_rounds
 from tripwatt.fleet.features import FEATURES, START
-from tripwatt.fleet.mapping import SampledTrips, file_tasks, load_car, map_store, read_rows, sample_digests
+from tripwatt.fleet.mapping import SampledTrips, load_car, sample_digests, store_rows, usable_trips
 from tripwatt.fleet.statistics import TripRows
 from tripwatt.fleet.store import TripStore
 from tripwatt.forecasting.forecast import Forecast
@@ -252,10 +252,10 @@ def fit_fleet(
         If there are fewer than `_MIN_TRIPS` sound trips with measured energy.
     """
     sampling = sampling or Sampling()
-    wanted = store.trip_rows(**(which or {}))
-    chosen = sample_digests(wanted, sampling.per_vehicle, sampling.vehicles, sampling.seed)
-    results = list(map_store(file_tasks(store, wanted, work, chosen), executor, workers, progress))
-    rows = read_rows(results)
+    listed = usable_trips(store, **(which or {}))
+    records: list[Any] = listed.to_dict("records")
+    chosen = sample_digests(records, sampling.per_vehicle, sampling.vehicles, sampling.seed)
+    rows, results = store_rows(store, listed, work, executor, workers, sampled=chosen, progress=progress)
     if len(rows) < _MIN_TRIPS:
         raise InvalidInput.of(
             "too few trips", "fleet", f"{len(rows)}", f"at least {_MIN_TRIPS} with measured energy"
@@ -353,8 +353,9 @@ def update_fleet(
     rows : TripRows
         Rows of the new trips.
     """
-    wanted = [row for row in store.trip_rows() if row["digest"] not in model.digests]
-    rows = read_rows(map_store(file_tasks(store, wanted, work), executor, workers))
+    listed = usable_trips(store)
+    new = listed[~listed["digest"].isin(model.digests)]
+    rows, _ = store_rows(store, new, work, executor, workers)
     if not len(rows):
         return model, rows
     digests = model.digests | frozenset(rows.texts("digest").tolist())
