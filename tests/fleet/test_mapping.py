@@ -27,7 +27,7 @@ from tripwatt.fleet.mapping import (
     usable_trips,
 )
 from tripwatt.fleet.statistics import ROWS, TripRows
-from tripwatt.fleet.store import create_store
+from tripwatt.fleet.store import create_store, open_store
 from tripwatt.hybrid import segment_trips
 from tripwatt.trips import Trip
 from tripwatt.vehicles import load_vehicle
@@ -58,8 +58,10 @@ def test_the_map_sums_every_sound_drive_up_once(fleet, rows):
     assert TripRows.join([]).table.schema.equals(ROWS)
 
 
-def test_rows_of_nights_are_the_rows_of_all_trips_and_only_new_trips_are_read(fleet, rows, tmp_path):
-    """Also after the files were merged, and for trips without a row; a trip that was erased and added again counts anew."""
+def test_rows_of_nights_are_the_rows_of_all_trips_and_only_new_trips_are_read(
+    fleet, rows, tmp_path, monkeypatch
+):
+    """Also after the files were merged, from another folder, and for trips without a row; a trip that was erased and added again counts anew."""
     plan, *_ = fleet
     store = create_store(tmp_path / "s", buckets=2)
     work, read = tmp_path / "work", []
@@ -82,6 +84,9 @@ def test_rows_of_nights_are_the_rows_of_all_trips_and_only_new_trips_are_read(fl
         assert len(read) == len(part)
     assert got.table.equals(rows.table)
     store.compact()
+    assert now().table.equals(rows.table)
+    monkeypatch.chdir(tmp_path)
+    store = open_store("s")
     assert now().table.equals(rows.table)
     assert not read
     vehicle = logs[0].context.car

@@ -30,7 +30,7 @@ from tripwatt.fleet.executors import map_bounded
 from tripwatt.fleet.features import FEATURES, trip_features, trip_variance_wh2
 from tripwatt.fleet.statistics import KEYS, NO_DRIVER, ROWS, TripRows
 from tripwatt.fleet.store import TripStore, read_file
-from tripwatt.fleet.store.delta import DeltaFolder, is_one_of
+from tripwatt.fleet.store.delta import DeltaFolder, is_one_of, is_url
 from tripwatt.hybrid import SegmentTable, segment_table
 from tripwatt.hybrid.energy_errors import unknown_climb_wh
 from tripwatt.hybrid.groups import Sums
@@ -125,10 +125,10 @@ def file_tasks(
     usable = [row for row in rows if row["drives"] and row["energy_wh"] is not None]
     sampled = frozenset(sampled)
     folder = str(Path(out).absolute())
-    place = store.samples.place
+    place = _place_of(store)
     return [
         _FileTask(
-            place if "://" in place else str(Path(place).absolute()),
+            place,
             dict(store.options),
             part.path,
             tuple({name: row[name] for name in _TASK_COLUMNS} for row in part.rows),
@@ -137,6 +137,12 @@ def file_tasks(
         )
         for part in store.file_trips(usable)
     ]
+
+
+def _place_of(store: TripStore) -> str:
+    """Return the place of the samples, which is the same from every folder."""
+    place = store.samples.place
+    return place if is_url(place) else str(Path(place).absolute())
 
 
 def map_store(
@@ -386,7 +392,7 @@ def store_rows(
     sampled : frozenset of str
         Digests of the trips whose segments are needed, too.
     """
-    name = hashlib.sha256(json.dumps([VERSION, store.samples.place, FEATURES]).encode()).hexdigest()[:32]
+    name = hashlib.sha256(json.dumps([VERSION, _place_of(store), FEATURES]).encode()).hexdigest()[:32]
     path = Path(work) / f"{name}.parquet"
     kept = pq.read_table(path) if path.is_file() else _KEPT.empty_table()
     batches = dict(zip(listed["digest"], listed["batch"], strict=True))
