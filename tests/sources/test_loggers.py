@@ -12,6 +12,7 @@ from tests.sources.test_suggest import Columns, drive, proposed, stamps
 
 from tripwatt.hybrid.climate_log import logged_climate
 from tripwatt.sources.suggest import suggest_mapping
+from tripwatt.sources.table import read_table
 
 AMBIENT_DEGC, CABIN_DEGC, BATTERY_DEGC, HEIGHT_M = 11.0, 20.0, 18.0, 320.0
 SHIFT = 3.0
@@ -184,3 +185,70 @@ def test_common_names_alone_make_no_logger(tmp_path) -> None:
     found = {g.ours: g for g in suggest_mapping(tmp_path / "own.csv").guesses}
     assert found["battery_power_w"].unit == "w"
     assert "shipped" not in found["battery_power_w"].why
+
+
+FLEETS: dict[str, Callable[[pd.DataFrame], Columns]] = {
+    "geotab": lambda d: diagnostics(d),
+    "samsara": lambda d: {
+        "time": stamps(d, "%Y-%m-%dT%H:%M:%SZ"), "name": "van 7", "ecuSpeedMph": d.v / 0.44704,
+        "evBatteryVoltageMilliVolt": 1000.0 * d.u, "evBatteryCurrentMilliAmp": 1000.0 * d.i,
+        "evStateOfChargeMilliPercent": 1000.0 * charge(d), "ambientAirTemperatureMilliC": 1000.0 * AMBIENT_DEGC,
+    },
+    "teltonika": lambda d: {
+        "Timestamp": 1000 * (1_717_142_400 + d.t.astype(int)), "Speed": d.v * 3.6, "Altitude": HEIGHT_M, "Priority": 0,
+        "High voltage battery voltage": 1000.0 * d.u, "High voltage battery current": 1000.0 * d.i,
+        "Generic state of charge": charge(d), "Ignition": 1,
+    },
+    "tesla_fleet": lambda d: {
+        "createdAt": stamps(d, "%Y-%m-%dT%H:%M:%SZ"), "vin": "van 7", "VehicleSpeed": d.v / 0.44704, "PackVoltage": d.u,
+        "PackCurrent": d.i, "Soc": charge(d), "OutsideTemp": AMBIENT_DEGC, "InsideTemp": CABIN_DEGC,
+    },
+}  # fmt: skip
+
+
+def diagnostics(d: pd.DataFrame) -> Columns:
+    signals = {"EngineRoadSpeed": d.v * 3.6, "ElectricVehicleBatteryPower": d.u * d.i, "StateOfCharge": charge(d),
+               "OutsideTemperature": d.t * 0.0 + AMBIENT_DEGC}  # fmt: skip
+    times = stamps(d, "%Y-%m-%dT%H:%M:%S.000Z")
+    parts = [
+        pd.DataFrame({"device": "van 7", "dateTime": times, "diagnostic": f"Diagnostic{name}Id", "data": x})
+        for name, x in signals.items()
+    ]
+    table = pd.concat(parts).sort_values("dateTime", kind="stable")
+    return {str(name): column.to_numpy() for name, column in table.items()}
+
+
+@pytest.mark.parametrize("name", FLEETS)
+def test_records_of_telematics_read_by_their_mapping_and_the_proposal_is_that_mapping(tmp_path, name) -> None:
+    d, path = drive(), tmp_path / "records.csv"
+    pd.DataFrame(FLEETS[name](d)).to_csv(path, index=False)
+    assert suggest_mapping(path).shipped == name
+    (log,) = read_table(path, name, strict=True).logs
+    assert log.context.car == (None if name == "teltonika" else "van 7")
+    assert log.context.started_at is not None
+    assert log.array("speed_m_s") == pytest.approx(d.v.to_numpy(), abs=1e-5)
+    energy = np.trapezoid(d.u * d.i, d.t) / 3600.0
+    assert log.observed_energy_wh == pytest.approx(energy, rel=1e-6)
+    shown = "soc" if name == "tesla_fleet" else "displayed_soc"
+    assert log.array(shown) == pytest.approx(charge(d).to_numpy() / 100.0)
+    if name == "teltonika":
+        assert log.array("elevation_m")[0] == HEIGHT_M
+    else:
+        assert log.array("ambient_temperature_degc")[0] == pytest.approx(AMBIENT_DEGC)
+
+
+def test_tracks_of_webfleet_are_proposed_without_a_mapping_of_their_own(tmp_path) -> None:
+    """Its names of a charge are not public; those of time, speed and vehicle are enough, and the energy is a question."""
+    d = drive()
+    table = {
+        "objectno": "van 7",
+        "pos_time": stamps(d, "%d/%m/%Y %H:%M:%S"),
+        "speed": (d.v * 3.6).round(),
+        "course": 90,
+    }
+    pd.DataFrame(table).to_csv(tmp_path / "tracks.csv", index=False)
+    suggestion = suggest_mapping(tmp_path / "tracks.csv")
+    found = {guess.ours: guess.column for guess in suggestion.guesses}
+    assert (found["time_s"], found["speed_m_s"]) == ("pos_time", "speed")
+    assert 'vehicle = "objectno"' in suggestion.toml
+    assert suggestion.missing

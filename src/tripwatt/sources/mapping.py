@@ -50,10 +50,13 @@ def _units(spellings: str, factor: float, offset: float = 0.0) -> dict[str, tupl
 _SPEED: Final = _units("m/s", 1.0) | _units("km/h kmh kph", M_S_PER_KM_H) | _units("mph", M_S_PER_MPH)
 _TEMPERATURE: Final = (
     _units("degc °c c", 1.0)
+    | _units("mdegc", 1e-3)
     | _units("k", 1.0, -ZERO_CELSIUS_K)
     | _units("degf °f f", 5.0 / 9.0, -160.0 / 9.0)
 )
-_FRACTION: Final = _units("1 fraction", 1.0) | _units("% percent", 0.01) | _units("ppm", 1e-6)
+_FRACTION: Final = (
+    _units("1 fraction", 1.0) | _units("% percent", 0.01) | _units("ppm", 1e-6) | _units("m%", 1e-5)
+)
 # some loggers write power as a number of steps of 50, 100 or 250 W
 _WATT: Final = {"w": (1.0, 0.0), "kw": (1000.0, 0.0), "hp": (745.699872, 0.0), "ps": (735.49875, 0.0)} | {
     f"{step}w": (float(step), 0.0) for step in (50, 100, 250)

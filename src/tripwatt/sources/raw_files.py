@@ -124,6 +124,7 @@ def open_raw_file(path: Path, mapping: ColumnMapping, names: Sequence[str], kind
             _read_wide(file, table)
         else:
             _read_long(file, table)
+        file.stamped = file.entries["time_s"].unit in TIME_STAMPS
     except InvalidInput as error:
         file.leave_out(error.faults)
     fix = f'add [file] decimal = "," to {mapping.source}'
@@ -150,7 +151,6 @@ def _read_wide(file: RawFile, table: TableFile) -> None:
     filled = [np.isfinite(column) for column in file.values.values()]
     filled += [np.array(file.stamps, dtype=object) != ""] if file.stamps else []
     file.rows = int(np.any(filled, axis=0).sum())
-    file.stamped = time.unit in TIME_STAMPS
 
 
 def _entries(file: RawFile, table: TableFile) -> dict[str, MappedColumn]:
@@ -193,15 +193,21 @@ def _missing(table: TableFile, name: str, mapping: ColumnMapping) -> Fault:
 
 def _read_long(file: RawFile, table: TableFile) -> None:
     """Read a file with a row for each value: the signals become columns on the union of their times."""
-    mapping = file.mapping
-    (raw_time,) = table.numbers([file.entries["time_s"].column])
-    timed = np.isfinite(raw_time)
+    mapping, time = file.mapping, file.entries["time_s"]
+    as_text = time.unit == "timestamp"
+    if as_text:
+        raw_time: Any = np.array(stamp_texts(table, time.column, time.date), dtype=object)
+    else:
+        (raw_time,) = table.numbers([time.column])
+    timed = raw_time != "" if as_text else np.isfinite(raw_time)
     unit_column = next((n for n in table.names if column_key(n) in ("units", "unit")), None)
-    wanted = (mapping.long_name, mapping.long_value, unit_column)
+    wanted = (mapping.long_name, mapping.long_value, unit_column, mapping.vehicle_column)
     columns = [table.texts(name) if name else [""] * len(timed) for name in wanted]
-    signals, texts, units = (np.array(column, dtype=object)[timed] for column in columns)
-    times, index = np.unique(raw_time[timed], return_inverse=True)
-    file.values, file.rows = {"time_s": times}, len(times)
+    signals, texts, units, vehicles = (np.array(column, dtype=object)[timed] for column in columns)
+    times, first, index = np.unique(raw_time[timed], return_index=True, return_inverse=True)
+    file.stamps, file.rows = (times.tolist() if as_text else []), len(times)
+    file.values = {} if as_text else {"time_s": times}
+    file.vehicles = vehicles[first].tolist() if mapping.vehicle_column else None
     for ours, entry in ((ours, entry) for ours, entry in mapping.columns.items() if ours != "time_s"):
         rows = np.flatnonzero(signals == entry.column)
         if not len(rows):

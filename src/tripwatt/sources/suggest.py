@@ -63,7 +63,9 @@ _TRIP_NAME: Final = re.compile(
     r"^(trip|drive|journey|fahrt|ride|route|session|segment|track)( ?(id|no|nr|num|number|name|uid|uuid|index|idx))?$"
 )
 _DATE_OF_NUMBER: Final = re.compile(r"\d{1,2}[. -]+[^\W\d]{3,}\.?|[^\W\d]{3,}[. -]+\d{1,2}")
-_VEHICLE_NAME: Final = re.compile(r"^(vin|(vehicle|veh|car|fahrzeug)( ?(id|no|nr|num|name|uid|vin))?)$")
+_VEHICLE_NAME: Final = re.compile(
+    r"^(vin|(vehicle|veh|car|fahrzeug|object|device|asset)( ?(id|no|nr|num|name|uid|vin))?)$"
+)
 
 
 def suggest_mapping(path: Path | str, names: Sequence[str] = (), beside: Sequence[Path] = ()) -> Suggestion:
