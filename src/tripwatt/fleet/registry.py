@@ -127,6 +127,11 @@ def compare(champion: FleetModel, challenger: FleetModel, sample: SampledTrips, 
     return Comparison(len(sample), len(names), *map(float, figures))
 
 
+def is_registry(folder: Path | None) -> bool:
+    """Whether a folder holds the versions of a fleet's model."""
+    return folder is not None and (folder / "versions").is_dir()
+
+
 @dataclass(frozen=True, slots=True)
 class Registry:
     """A folder of model versions.
@@ -231,6 +236,27 @@ class Registry:
                 with suppress(json.JSONDecodeError):
                     entries.append(json.loads(line))
         return entries
+
+    def report_file(self, name: str) -> bytes | None:
+        """Return a file of the report that was written last into the registry; None if there is no such file."""
+        file = self.folder / "report" / name
+        return file.read_bytes() if name in REPORT_FILES and file.is_file() else None
+
+    def page(self, table: str, limit: int, cursor: int = 0) -> dict[str, Any]:
+        """Return some rows of a table of the last report, or of the history, the newest first, as `health`; `car` is the vehicle.
+
+        Returns
+        -------
+        dict
+            `version` in use, `about` of the last report, `rows`, and `next`, the cursor of the rows that follow, or None.
+        """
+        report = json.loads(self.report_file("report.json") or "{}")
+        rows = self.history()[::-1] if table == "health" else report.get(table, [])
+        end = cursor + limit
+        following = end if end < len(rows) else None
+        shown = [{"car" if k == "vehicle_id" else k: v for k, v in row.items()} for row in rows[cursor:end]]
+        about = report.get("about", {})
+        return {"version": self.current(), "about": about, "rows": shown, "next": following}
 
     def _move_pointer(self, version: str) -> None:
         partial = self.folder / f".current.{uuid.uuid4().hex}"

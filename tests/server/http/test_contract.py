@@ -27,6 +27,7 @@ from tripwatt.forecasting.document import ForecastResponse
 from tripwatt.roads.journey import JourneyOptions, find_reach
 from tripwatt.server.http.app import openapi_document
 from tripwatt.server.http.example_requests import EXAMPLES
+from tripwatt.server.http.fleets import NightRequest, PlannedTripRequest
 from tripwatt.server.http.jobs import Jobs
 from tripwatt.server.http.openapi import refuse_unknown_parameters
 from tripwatt.server.http.problems import TITLES, json_pointer
@@ -335,7 +336,9 @@ def test_a_departure_is_taken_as_fields_and_as_one_object() -> None:
 
 def departures(request: Any) -> list[Departure]:
     """The departures of a checked request."""
-    inside = [request.one, request.other] if hasattr(request, "one") else getattr(request, "trips", [request])
+    inside = [request.one, request.other] if hasattr(request, "one") else [request]
+    if isinstance(request, NightRequest):  # its rows are checked one by one
+        inside = [check_request(row, PlannedTripRequest, Jobs.from_folders({}, Limits())) for row in request.trips]
     return [departure_of(one) for one in inside]
 
 

@@ -16,7 +16,6 @@ from tripwatt.fleet.model import FleetModel
 from tripwatt.fleet.registry import Registry
 from tripwatt.forecasting.storage import DEFAULT_MODEL, model_folder
 from tripwatt.routes import route_from_links
-from tripwatt.server.http.fleet_endpoints import report_file
 from tripwatt.server.http.fleets import NightResponse
 from tripwatt.server.http.jobs import Jobs
 from tripwatt.server.http.settings import Limits
@@ -200,21 +199,32 @@ def test_the_schedule_of_a_night_keeps_the_limit_and_takes_the_cheap_hours(regis
     assert answer["depot"]["fails_first"] is None
 
 
-def test_files_of_a_report_are_those_of_the_registry(registry: Registry, tmp_path: Path) -> None:
-    folders = {"own": model_folder(), "vans": registry.folder}
-    assert report_file(folders, None, "report.html") is None
+def test_files_of_a_report_are_those_of_the_registry(registry: Registry) -> None:
+    assert registry.report_file("report.html") is None
     (registry.folder / "report").mkdir()
     (registry.folder / "report" / "report.html").write_bytes(b"<p>")
     (registry.folder / "report" / "secret.txt").write_bytes(b"x")
-    assert report_file(folders, None, "report.html") == report_file(folders, "vans", "report.html") == b"<p>"
-    for model, name in (
-        (None, "secret.txt"),
-        ("own", "report.html"),
-        (None, "../current"),
-        ("x", "report.html"),
-    ):
-        assert report_file(folders, model, name) is None
-    assert report_file({"own": model_folder()}, None, "report.html") is None
+    assert registry.report_file("report.html") == b"<p>"
+    assert [registry.report_file(name) for name in ("secret.txt", "../current")] == [None, None]
+
+
+@pytest.mark.parametrize("limit", [1, 2, 3, 7, 8])
+def test_pages_of_a_list_are_the_list(registry: Registry, limit: int) -> None:
+    assert registry.page("vehicles", 5) == {"version": "0001", "about": {}, "rows": [], "next": None}
+    (registry.folder / "report").mkdir()
+    vehicles = [{"vehicle_id": f"V{k}", "gain": 7 - k} for k in range(7)]
+    written = {"about": {"Price": "0.3"}, "vehicles": vehicles, "changes": []}
+    (registry.folder / "report" / "report.json").write_bytes(orjson.dumps(written))
+    rows, cursor = [], 0
+    while cursor is not None:
+        page = registry.page("vehicles", limit, cursor)
+        rows += page["rows"]
+        assert len(page["rows"]) <= limit
+        cursor = page["next"]
+    assert rows == [{"car": row["vehicle_id"], "gain": row["gain"]} for row in vehicles]
+    registry.promote(registry.add(registry.load()))
+    done = [(row["action"], row["version"]) for row in registry.page("health", 2)["rows"]]
+    assert done == [("promote", "0002"), ("add", "0002")]
 
 
 def test_a_service_follows_its_registry(fleet: Any, registry: Registry, tmp_path: Path) -> None:
@@ -248,5 +258,21 @@ def test_a_service_follows_its_registry(fleet: Any, registry: Registry, tmp_path
             "/v1/fleet/report/report.html", headers={"If-None-Match": page.headers["etag"]}
         )
         assert (page.text, again.status_code) == ("<style>p{}</style><p>of a fleet</p>", 304)
+        report = {"about": {}, "vehicles": [{"vehicle_id": "V1"}, {"vehicle_id": "V2"}], "changes": []}
+        (registry.folder / "report" / "report.json").write_bytes(orjson.dumps(report))
+        first = service.client.get("/v1/fleet/vehicles?limit=1").json()
+        assert (first["rows"], first["next"], first["version"]) == ([{"car": "V1"}], 1, "0002")
+        second = service.client.get(f"/v1/fleet/vehicles?limit=1&cursor={first['next']}&model=vans").json()
+        assert (second["rows"], second["next"]) == ([{"car": "V2"}], None)
+        assert service.client.get("/v1/fleet/changes").json()["rows"] == []
+        health = service.client.get("/v1/fleet/health").json()["rows"]
+        assert health[0]["action"] == "promote"
+        refused = {
+            path: service.client.get(f"/v1/fleet/{path}").status_code
+            for path in ("vehicles?cursor=-1", "vehicles?limit=9999", "vehicles?model=none", "drivers")
+        }
+        assert refused == {
+            "vehicles?cursor=-1": 422, "vehicles?limit=9999": 422, "vehicles?model=none": 422, "drivers": 422,
+        }  # fmt: skip
         needs = service.client.post("/v1/fleet/needs", json=night())
         assert (needs.status_code, len(needs.json()["needs"])) == (200, 2)

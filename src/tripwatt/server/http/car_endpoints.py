@@ -52,7 +52,7 @@ CarName = Annotated[str, PathValue(pattern=f"^{VALID_NAME.pattern}$", descriptio
 UploadName = Annotated[
     str, PathValue(pattern="^[a-z0-9]{8,32}$", description="name of the upload, chosen by the client")
 ]
-Entries = Annotated[int, Query(ge=0, le=1000, description="most entries of the diary")]
+Entries = Annotated[int, Query(ge=0, le=1000, description="most entries of the answer")]
 Trip = Annotated[
     str | None,
     Query(max_length=200, description="only entries before this trip: the last one of the answer before"),

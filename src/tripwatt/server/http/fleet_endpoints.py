@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, Final
+from typing import Annotated, Final, Literal
 
 from fastapi import Path as PathValue
 from fastapi import Query, Response
 
-from tripwatt.fleet.registry import REPORT_FILES
-from tripwatt.server.http.fleets import NightRequest, NightResponse, is_registry
+from tripwatt.fleet.registry import REPORT_FILES, Registry, is_registry
+from tripwatt.server.http.car_endpoints import Entries
+from tripwatt.server.http.fleets import FleetRows, NightRequest, NightResponse, fleet_named
 from tripwatt.server.http.openapi import JSON, TAGGED, TEXT, new_router, request_body, response_content
 from tripwatt.server.http.problems import Problem
-from tripwatt.server.http.service import Called
+from tripwatt.server.http.service import Call, Called, json_response
 
 MEDIA_TYPES: Final = {".html": "text/html", ".json": JSON, ".csv": "text/csv", ".txt": "text/plain"}
 """Suffix of a file of a report -> media type."""
@@ -29,6 +29,9 @@ FleetName = Annotated[
     str | None, Query(max_length=100, description="a fleet of /v1/models; default: the first one")
 ]
 
+Table = Annotated[Literal["vehicles", "changes", "health"], PathValue()]
+Cursor = Annotated[int, Query(ge=0, le=1_000_000, description="`next` of the answer before")]
+
 fleet = new_router("fleet")
 
 
@@ -41,7 +44,7 @@ async def fleet_needs(call: Called) -> Response:
 @fleet.get("/v1/fleet/report/{file}", **response_content(REPORT, "The file"), **TAGGED)
 async def get_fleet_report(call: Called, file: ReportFile, model: FleetName = None) -> Response:
     """Return a file of the report that `tripwatt fleet report` wrote last: its page, its data, or one of its tables."""
-    content = report_file(call.service.settings.models, model, file)
+    content = _registry(call, model).report_file(file)
     if content is None:
         raise Problem("not-found", "no such file; `tripwatt fleet report` writes the report of a registry")
     response = call.with_entity_tag(content, MEDIA_TYPES[Path(file).suffix])
@@ -49,9 +52,15 @@ async def get_fleet_report(call: Called, file: ReportFile, model: FleetName = No
     return response
 
 
-def report_file(folders: Mapping[str, Path], model: str | None, name: str) -> bytes | None:
-    """Return a file of the report in the registry of a fleet, by default of the first fleet; None if there is no such file."""
-    registries = {fleet: folder for fleet, folder in folders.items() if is_registry(folder)}
-    folder = registries.get(next(iter(registries), "") if model is None else model)
-    file = None if folder is None else folder / "report" / name
-    return file.read_bytes() if file is not None and name in REPORT_FILES and file.is_file() else None
+@fleet.get("/v1/fleet/{table}", response_model=FleetRows)
+async def list_fleet(
+    call: Called, table: Table, model: FleetName = None, limit: Entries = 200, cursor: Cursor = 0
+) -> Response:
+    """List the vehicles or changes of the last report, or what was done with the versions of the model (health)."""
+    return json_response(_registry(call, model).page(table, limit, cursor))
+
+
+def _registry(call: Call, model: str | None) -> Registry:
+    """Return the registry of a fleet, by default of the first one."""
+    folders = call.service.settings.models.items()
+    return fleet_named({name: Registry(folder) for name, folder in folders if is_registry(folder)}, model)

@@ -5,9 +5,9 @@ from __future__ import annotations
 import datetime as dt
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, TypeVar
 
-from pydantic import AwareDatetime, Field, ValidationError, WrapValidator
+from pydantic import AwareDatetime, Field, WrapValidator
 
 from tripwatt.errors import Check, InvalidInput, places_within
 from tripwatt.fleet.charging import Depot, Night
@@ -22,9 +22,7 @@ from tripwatt.server.http.settings import Limits
 from tripwatt.vehicles import load_vehicle
 
 
-def is_registry(folder: Path | None) -> bool:
-    """Whether a folder holds the versions of a fleet's model."""
-    return folder is not None and (folder / "versions").is_dir()
+Named = TypeVar("Named")
 
 
 def follow_registry(name: str, folder: Path, log: Callable[..., None]) -> FollowedModel:
@@ -98,22 +96,13 @@ class PlannedTripRequest(schemas.RoadRequest, schemas.TripRequest):
         return PlannedTrip(self.trip, self.car, self.departs_at, road, self.kind, *known)
 
 
-def _row_or_fault(row: Any, check: Callable[[Any], PlannedTripRequest]) -> PlannedTripRequest | InvalidInput:
-    try:
-        return check(row)
-    except ValidationError as error:
-        errors = error.errors(include_url=False)
-        return InvalidInput(schemas.faults_of(errors, PlannedTripRequest.model_fields))
-
-
-def _planned(row: PlannedTripRequest | InvalidInput, number: int, limits: Limits) -> PlannedTrip:
+def _planned(row: Any, number: int, jobs: Any) -> PlannedTrip:
     with places_within(f"trips[{number}]."):
-        if isinstance(row, InvalidInput):
-            raise row
-        return row.planned(number, limits)
+        return schemas.check_request(row, PlannedTripRequest, jobs).planned(number, jobs.limits)
 
 
-Row = Annotated[PlannedTripRequest, WrapValidator(_row_or_fault)]
+Row = Annotated[PlannedTripRequest, WrapValidator(lambda row, check: row)]
+"""A planned trip, which is checked by itself when it is forecast."""
 
 
 class NightRequest(schemas.StrictModel):
@@ -129,7 +118,7 @@ class NightRequest(schemas.StrictModel):
     """power of a charger [W]"""
     begins_at: AwareDatetime | None = Field(None, strict=False)
     """when charging may begin; default: now"""
-    grid_w: float | None = Field(None, ge=0.0)
+    grid_w: float | None = Field(None, ge=0.0, le=1e9)
     """largest power of all chargers together [W]"""
     tariff: dict[Annotated[AwareDatetime, Field(strict=False)], float] = Field({}, max_length=1000)
     """price per kWh by its beginning; it holds until the next begins"""
@@ -186,22 +175,46 @@ class NightResponse(schemas.ResponseModel):
     """paths to post to evcc: the plan of each vehicle"""
 
 
-def night(fleets: Mapping[str, FollowedModel], request: NightRequest, limits: Limits) -> dict[str, Any]:
-    """Return the response to a `NightRequest`.
+class FleetRows(schemas.ResponseModel):
+    """Some rows of a table of a fleet."""
+
+    version: str
+    """version of the model in use"""
+    about: dict[str, str]
+    """what the last report is of, such as when it was written; empty without a report"""
+    rows: list[dict[str, Any]]
+    next: int | None
+    """cursor of the rows that follow; null at the end"""
+
+
+def fleet_named(fleets: Mapping[str, Named], name: str | None) -> Named:
+    """Return the fleet of a name, by default the first one.
 
     Raises
     ------
     InvalidInput
-        When there is no such fleet, or a trip cannot be forecast.
+        When there is no such fleet.
     """
-    name = request.model or next(iter(fleets), "")
+    name = name or next(iter(fleets), "")
     if name not in fleets:
         raise InvalidInput.of("no fleet", "model", name or "none", ", ".join(fleets) or "serve a registry")
+    return fleets[name]
+
+
+def night(jobs: Any, request: NightRequest) -> dict[str, Any]:
+    """Return the response to a `NightRequest`; `jobs` has the fleets and the limits of the service.
+
+    Raises
+    ------
+    InvalidInput
+        When there is no such fleet.
+    """
+    model = fleet_named(jobs.fleets, request.model).get()
     check = Check()
-    planned = [check(_planned, row, number, limits) for number, row in enumerate(request.trips)]
+    planned = [check(_planned, row, number, jobs) for number, row in enumerate(request.trips)]
     trips, refused = [trip for trip in planned if trip is not None], [*check.faults]
     asked = request.model_dump(include={"probability", "reserve"})
-    needs = needs_by_hour(fleets[name].get(), trips, **asked, refused=refused)
+    needs = needs_by_hour(model, trips, **asked, refused=refused)
     begins = request.begins_at or dt.datetime.now(dt.UTC)
     depot = Depot(begins, request.plug_w, request.grid_w, request.tariff)
     document = Night(needs, depot, request.probability).document

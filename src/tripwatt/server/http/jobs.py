@@ -13,7 +13,7 @@ from cachetools import LRUCache
 
 from tripwatt.certification import describe_car
 from tripwatt.errors import Fault, InvalidInput, places_named
-from tripwatt.fleet.registry import FollowedModel
+from tripwatt.fleet.registry import FollowedModel, is_registry
 from tripwatt.forecasting import Forecast, ForecastModel, load_model
 from tripwatt.forecasting.leaving import leave_with
 from tripwatt.forecasting.storage import DEFAULT_MODEL
@@ -28,7 +28,6 @@ from tripwatt.server.http.car_schemas import NewCarRequest
 from tripwatt.server.http.fleets import (
     NightRequest,
     follow_registry,
-    is_registry,
     model_summary,
     night,
     vehicle_model,
@@ -197,7 +196,7 @@ class Jobs:
 
     def night(self, request: NightRequest) -> dict[str, Any]:
         """Return the response to a `NightRequest`."""
-        return night(self.fleets, request, self.limits)
+        return night(self, request)
 
     def difference(self, request: DifferenceRequest) -> dict[str, Any]:
         """Compare two trips of one car: what both share cancels, and the difference has an interval of its own."""
