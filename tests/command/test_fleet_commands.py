@@ -147,6 +147,24 @@ def test_a_mixed_fleet_is_added_by_a_table_of_its_cars(tmp_path):
         assert "one of them is needed: --car, --cars" in str(refused.exception)
 
 
+def test_a_log_without_a_date_gets_that_of_its_name_or_is_named(tmp_path):
+    folder, *mapping = mixed_logs(tmp_path / "logs", ["V1", "V1"])
+    (folder / "d0.csv").rename(folder / "van 2024-05-31 0815.csv")
+    store, car = tmp_path / "s", ("--car", "vw_id3")
+    run("store", "create", store)
+    add = ["store", "add", *map(str, (store, folder, *mapping, *car))]
+    done = CliRunner().invoke(app, [*add, "--started", "van %Y-%m-%d %H%M"])
+    assert [(f.what, f.where) for f in done.exception.faults] == [("no departure", "d1.csv")]
+    assert [*tw.open_store(store).trips()["started_at"]] == ["2024-05-31T08:15:00"]
+    (folder / "van 2024-05-31 0815.csv").unlink()
+    undated = CliRunner().invoke(app, add)
+    assert "1 trips of the store have no date and count in no month: d1" in undated.output
+    assert tw.open_store(store).trips(columns=["month"])["month"].tolist() == ["2024-05", "unknown"]
+    run("store", "forget", store, "--vehicle-id", "V1")
+    run(*add, "--started", "2024-05-30T07:00")
+    assert [*tw.open_store(store).trips()["started_at"]] == ["2024-05-30T07:00:00"]
+
+
 def test_adding_in_parts_is_adding_at_once(tmp_path):
     folder, *mapping = mixed_logs(tmp_path / "logs", ["V1", "V2", "V2"])
     cars = tmp_path / "cars.csv"

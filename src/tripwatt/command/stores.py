@@ -21,6 +21,10 @@ PAIRS = "What an object store needs, such as AWS_REGION=eu-central-1; environmen
 CAR = "The car of all logs: a name of `tripwatt vehicles`, or a TOML file."
 CARS = "The car of each vehicle, in place of --car: a CSV file with the columns vehicle_id and car."
 
+STARTED = (
+    "Departure of logs without a date: ISO 8601, or the pattern of the files' names, such as log_%Y-%m-%d."
+)
+
 
 @dataclass(frozen=True, kw_only=True)
 class Store:
@@ -79,6 +83,7 @@ def add(
     vehicle: Annotated[str | None, option("NAME|FILE", CAR, "--car")] = None,
     cars: Annotated[Path | None, option("FILE", CARS)] = None,
     vehicle_id: Annotated[str | None, option("ID", "The vehicle of logs that do not name theirs.")] = None,
+    started: Annotated[str | None, option("TIME|PATTERN", STARTED)] = None,
     dataset: shared.Dataset = None,
     mapping: shared.Columns = None,
 ) -> Answer:
@@ -109,15 +114,23 @@ def add(
         done = add_files(
             target,
             data,
-            car_model=vehicle or "",
-            cars=cars,
+            car_model=cars or vehicle or "",
             vehicle_id=vehicle_id,
+            started=started,
             dataset=shared.Logs(data, dataset, mapping).format,
             mapping=mapping,
             progress=lambda sums: say(f"{sums}", err=True),
         )
     except InvalidInput as error:
         raise InvalidInput(grouped(error.faults)) from error
+    dates = target.trips(columns=["trip_id", "started_at"])
+    undated = dates["trip_id"][dates["started_at"].isna()].tolist()
+    if undated:
+        print_notes(
+            [
+                f"{len(undated)} trips of the store have no date and count in no month: {', '.join(undated[:5])}"
+            ]
+        )
     return Answer(asdict(done), f"{store.store}: {done}")
 
 

@@ -25,6 +25,7 @@ from tripwatt.fleet.store.rows import (
     stored_log,
     trips_table,
 )
+from tripwatt.fleet.store.store import FINDINGS
 from tripwatt.trips import Context, Log
 
 pytest.importorskip("deltalake", reason="needs the extra tripwatt[fleet]")
@@ -84,6 +85,11 @@ def test_logs_come_back_as_they_were_logged(store):
     assert rows["back"]["energy_from"] == "unknown"
     assert rows["back"]["energy_wh"] is None
     assert "set aside" in {f["consequence"] for f in json.loads(rows["back"]["findings"])}
+    counted = store.trips().set_index("trip_id")[[*FINDINGS]]
+    for name, row in rows.items():
+        said = [f["consequence"].replace(" ", "_") for f in json.loads(row["findings"])]
+        assert counted.loc[name].to_dict() == {c: said.count(c) for c in FINDINGS}
+    assert store.trips(car_model="none").empty
 
 
 def test_rows_sum_up_the_sound_drives(store):

@@ -327,6 +327,10 @@ def test_energy_cost_and_gain_are_those_that_were_planted():
     assert groups.loc["north", "trips"] == 280
     assert set(groups["by"]) == {"car model", "group"}
     assert list(made["months"]["month"]) == sorted(made["months"]["month"])
+    undated = table.assign(started_at=table["started_at"].where(table["vehicle_id"] != "v03"))
+    made = totals(posterior, TripRows.join([pa.Table.from_pandas(undated, schema=ROWS)]), asked)
+    assert made["vehicles"]["energy_wh"].sum() == pytest.approx(wh)
+    assert made["months"]["energy_wh"].sum() == pytest.approx(wh - own["observed_wh"].sum())
 
 
 def test_drivers_are_in_the_order_of_names_with_the_chance_of_no_difference():

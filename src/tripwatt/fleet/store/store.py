@@ -62,6 +62,9 @@ commit takes a day."""
 _KEPT_HOURS: Final = 168
 """Time for which old versions are kept for readers at work [h]: the default of Delta Lake."""
 
+FINDINGS: Final = ("trimmed", "split", "set_aside", "noted")
+"""Columns of `TripStore.trips` with the number of findings of the audit, by consequence."""
+
 LISTED: Final = (
     "vehicle_id",
     "trip_id",
@@ -76,6 +79,7 @@ LISTED: Final = (
     "drives",
     "ambient_temperature_degc",
     "digest",
+    *FINDINGS,
 )
 """Columns of `TripStore.trips`, in this order."""
 
@@ -326,7 +330,7 @@ class TripStore:
         digests : iterable of str, optional
             Only logs with these digests.
         columns : sequence of str
-            Columns of the table `trips`.
+            Columns of the table `trips`, or of `FINDINGS`.
         limit : int, optional
             Largest number of rows.
 
@@ -340,9 +344,11 @@ class TripStore:
         InvalidInput
             If columns are unknown.
         """
-        unknown = [c for c in columns if c not in TRIPS.names]
-        raise_faults(Fault.unknown("unknown column", "columns", c, TRIPS.names) for c in unknown)
-        order = [c for c in ("vehicle_id", "started_at", "trip_id") if c not in columns]
+        allowed = (*TRIPS.names, *FINDINGS)
+        unknown = [c for c in columns if c not in allowed]
+        raise_faults(Fault.unknown("unknown column", "columns", c, allowed) for c in unknown)
+        stored = dict.fromkeys("findings" if c in FINDINGS else c for c in columns)
+        order = [c for c in ("vehicle_id", "started_at", "trip_id") if c not in stored]
         given = {"vehicle_id": vehicle_id, "car_model": car_model}
         where = [text_column(name) == value for name, value in given.items() if value is not None]
         if vehicle_id is not None:
@@ -353,11 +359,14 @@ class TripStore:
             where.append(text_column("started_at") < _to_iso(until, "until"))
         if digests is not None:
             where.append(is_one_of("digest", digests))
-        table = self.rows.read([*columns, *order], reduce(and_, where) if where else None)
+        table = self.rows.read([*stored, *order], reduce(and_, where) if where else None)
         by = [("vehicle_id", "ascending"), ("started_at", "ascending"), ("trip_id", "ascending")]
         table = table.take(pc.sort_indices(table, sort_keys=by)[:limit])
-        listed: pd.DataFrame = table.select(list(columns)).to_pandas()
-        return listed
+        listed: pd.DataFrame = table.to_pandas()
+        for name in FINDINGS if "findings" in stored else ():
+            said = f'"consequence": "{name.replace("_", " ")}"'
+            listed[name] = listed["findings"].str.count(said)
+        return listed[list(columns)]
 
     def logs(self, rows: Sequence[Mapping[str, Any]] | None = None, **which: Any) -> Iterator[Log]:
         """Read logs as they were added, data file by data file.

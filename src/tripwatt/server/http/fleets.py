@@ -21,7 +21,6 @@ from tripwatt.server.http import schemas
 from tripwatt.server.http.settings import Limits
 from tripwatt.vehicles import load_vehicle
 
-
 Named = TypeVar("Named")
 
 

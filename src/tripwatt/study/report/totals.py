@@ -108,7 +108,11 @@ def totals(posterior: GroupPosterior, rows: TripRows, settings: ReportSettings) 
         kinds["group"] = total_by(trips, "group", settings).rename(columns={"group": "name"})
     groups = pd.concat([table.assign(by=kind) for kind, table in kinds.items()])
     groups = groups.sort_values("gain", ascending=False, ignore_index=True)
-    return {"vehicles": vehicles, "groups": groups, "months": total_by(trips, "month", settings)}
+    return {
+        "vehicles": vehicles,
+        "groups": groups,
+        "months": total_by(trips[trips["month"] != ""], "month", settings),
+    }
 
 
 def drivers_by_name(posterior: GroupPosterior, rows: TripRows) -> pd.DataFrame:
