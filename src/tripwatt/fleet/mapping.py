@@ -411,7 +411,7 @@ def store_rows(
         kept = kept.filter(~is_one_of("digest", new))
         kept = pa.concat_tables([kept, made.append_column(_KEPT.field("batch"), of_batch)])
         path.parent.mkdir(parents=True, exist_ok=True)
-        _write_parquet(kept, path)
+        write_parquet(path, [kept], _KEPT)
     wanted = is_one_of("digest", batches) & pc.field("drive").is_valid()
     return TripRows.join([kept.filter(wanted).select(ROWS.names)]), results
 
