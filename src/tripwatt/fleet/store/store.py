@@ -267,9 +267,8 @@ class TripStore:
         try:
             self.rows.append_checked(rows_for)
         finally:
-            if len(committed) < len(new):  # another writer added the same logs first: drop our samples
-                kept = {s.row["digest"] for s in committed}
-                lost = [s.row["digest"] for s in new if s.row["digest"] not in kept]
+            # another writer added the same logs first: drop our samples
+            if lost := [s.row["digest"] for s in new if s not in committed]:
                 self.samples.delete(f"batch = '{batch}' AND digest IN ({_sql_texts(lost)})")
         if len(before.file_uris()) > FILES_A_BUCKET * self.buckets:
             self.rows.try_to_compact(_FILE_BYTES)
