@@ -87,16 +87,12 @@ def drift(posterior: GroupPosterior, rows: TripRows) -> dict[str, Any]:
     observed = rows.numbers("observed_wh")
     z = (observed - energy) / sd
     relative = (observed - energy) / np.maximum(np.abs(energy), 1.0)
-    ids = rows.texts("vehicle_id")
-    vehicles = {}
-    for vehicle in sorted(set(ids.tolist())):
-        mask = ids == vehicle
-        score = float(z[mask].mean() * np.sqrt(mask.sum()))
-        if abs(score) > 3.0:
-            vehicles[vehicle] = {"trips": int(mask.sum()), "bias": float(relative[mask].mean()), "z": score}
+    of_vehicle = pd.DataFrame({"bias": relative, "z": z}).groupby(rows.texts("vehicle_id"))
+    vehicles = of_vehicle.mean().assign(trips=of_vehicle.size())[["trips", "bias", "z"]]
+    vehicles["z"] *= np.sqrt(vehicles["trips"])
     return {
         "trips": len(rows),
         "bias": float(relative.mean()),
         "coverage": float(np.mean(np.abs(z) <= ndtri(0.5 + 0.5 * LEVEL))),
-        "vehicles": vehicles,
+        "vehicles": vehicles[vehicles["z"].abs() > 3.0].to_dict("index"),
     }
