@@ -59,11 +59,6 @@ class Depot:
     grid_w: float | None = None
     tariff: Mapping[dt.datetime, float] = field(default_factory=dict)
 
-    @property
-    def has_plan(self) -> bool:
-        """Whether there is a limit or a tariff to plan for."""
-        return bool(self.tariff) or self.grid_w is not None
-
     def windows(self, needs: pd.DataFrame) -> pd.DataFrame:
         """Return needs with `begins_at` (return from the hour before), `ends_at` (departure) and `power_w` of the charging [W]."""
         after = needs.groupby("vehicle_id")["arrives_at"].shift(fill_value=self.begins_at)
@@ -324,7 +319,8 @@ class Night:
     @cached_property
     def plan(self) -> Schedule | None:
         """The schedule; None without a limit or a tariff."""
-        return schedule(self.needs, self.depot) if self.depot.has_plan else None
+        is_free = self.depot.grid_w is None and not self.depot.tariff
+        return None if is_free else schedule(self.needs, self.depot)
 
     @cached_property
     def tables(self) -> dict[str, pd.DataFrame]:
