@@ -131,6 +131,7 @@ def stored_log(log: Recorded, vehicle_id: str, car_model: str, buckets: int) -> 
     started = log.context.started_at
     drives = audited.trips or (log,)
     energy, std, source = _measured_energy(audited.trips)
+    ambient = "ambient_temperature_degc"
     row = {
         "bucket": bucket_of(vehicle_id, buckets),
         "month": month_of(started),
@@ -147,7 +148,7 @@ def stored_log(log: Recorded, vehicle_id: str, car_model: str, buckets: int) -> 
         "energy_from": source,
         "drives": len(audited.trips),
         "as_logged": _unchanged(log, audited.trips),
-        "ambient_temperature_degc": _mean_ambient(drives[0]),
+        ambient: float(np.nanmean(drives[0].array(ambient))) if drives[0].has(ambient) else None,
         "findings": _findings_json(audited.findings),
         "context": json.dumps(context_values(log), ensure_ascii=False),
         "columns": json.dumps(kept_columns(log)),
@@ -165,12 +166,6 @@ def _unchanged(log: Recorded, drives: Sequence[Recorded]) -> bool:
         getattr(drive, name) == getattr(log, name) for name in ("trip_id", "context", "observed_energy_wh")
     )
     return all(same) and drive.samples.equals(log.samples)
-
-
-def _mean_ambient(drive: Recorded) -> float | None:
-    if not drive.has("ambient_temperature_degc"):
-        return None
-    return float(np.nanmean(drive.array("ambient_temperature_degc")))
 
 
 def _measured_energy(drives: Sequence[Recorded]) -> tuple[float | None, float | None, str]:
