@@ -1,10 +1,11 @@
-"""A fleet beyond one machine, measured: `python -m benchmarks.fleet [scale] [store] [truth] [update] [batch] [peers] [real] [same]`.
+"""A fleet beyond one machine, measured: `python -m benchmarks.fleet [scale] [add] [store] [truth] [update] [batch] [peers] [real] [same]`.
 
     scale   store add and fleet fit on a local Dask cluster at two sizes (--trips SMALL LARGE --workers N)
     same    forecasts of one process, of a Dask cluster and of a cluster with a killed worker
+    add     CPU cost of adding 1, 4 and 16 times as many trips, in commits of one size
     store   four writers at once, one killed; a million rows listed and filtered
     truth   deviations of vehicles found again; errors by number of own trips; coverage by car model
-    update  one night against the whole fit
+    update  one night against the whole fit, and the report after it
     batch   a thousand planned trips on two processes; cost and memory at two sizes (--trips SMALL LARGE)
     peers   statsmodels MixedLM and single fits on the same rows
     real    the TUM i3 and the Leafs of the VED set as one fleet
@@ -43,7 +44,15 @@ from benchmarks.many_vehicles import CAR_MODELS, FleetPlan, block_of_logs, many_
 from benchmarks.measure import Row, not_measured, report
 from tripwatt.fleet.executors import InProcess
 from tripwatt.fleet.features import FEATURES, SCALES, START
-from tripwatt.fleet.mapping import drive_row, drive_segments, file_tasks, map_store, read_rows
+from tripwatt.fleet.mapping import (
+    drive_row,
+    drive_segments,
+    file_tasks,
+    map_store,
+    read_rows,
+    store_rows,
+    usable_trips,
+)
 from tripwatt.fleet.model import fit_fleet, predict_rows, update_fleet
 from tripwatt.fleet.registry import Registry
 from tripwatt.fleet.statistics import ROWS, TripRows
@@ -51,6 +60,7 @@ from tripwatt.fleet.store import add_files, create_store, open_store
 from tripwatt.fleet.store.rows import TRIPS, bucket_of
 from tripwatt.hybrid.groups import fit_scales, group_posterior
 from tripwatt.study.evaluation.fleets import evaluate_rows, mean_error
+from tripwatt.study.report.fleets import ManagerReport
 from tripwatt.trips import Trip
 
 COMMAND = "python -m benchmarks.fleet"
@@ -232,7 +242,28 @@ def own_energy_wh(plan: Any, truth_: Any, rows: Any) -> float:
     )
 
 
-def update(trips: int = 5000, vehicles: int = 100) -> Iterator[Row]:
+def add(smallest: int = 512) -> Iterator[Row]:
+    costs = []
+    for times in (1, 4, 16):
+        plan, folder, cost = (
+            FleetPlan(times * smallest, minutes=6.0, days_between=3.0),
+            tempfile.mkdtemp(),
+            0.0,
+        )
+        store = create_store(f"{folder}/s")
+        for model, block in plan.blocks():
+            logs = block_of_logs(plan, model, block)
+            began = cpu_s()
+            store.add(logs, car_model=plan.car_models[model])
+            cost += cpu_s() - began
+        costs.append(cost)
+        yield Row(f"adding {plan.trips} trips", 1000.0 * cost / plan.trips, "ms CPU a trip")
+        shutil.rmtree(folder)
+    exponent = math.log(costs[-1] / costs[0]) / math.log(16.0)
+    yield Row(f"exponent of adding, {smallest} to {16 * smallest} trips", exponent, most=1.05)
+
+
+def update(trips: int = 5000, vehicles: int = 200) -> Iterator[Row]:
     began = cpu_s()
     plan, store, model, folder = fitted(trips, vehicles)
     whole = cpu_s() - began
@@ -250,6 +281,10 @@ def update(trips: int = 5000, vehicles: int = 100) -> Iterator[Row]:
     updated, rows = update_fleet(model, store, f"{folder}/w", InProcess())
     night = cpu_s() - began
     yield Row(f"a night of {len(rows)} trips, share of the cost of all {trips}", night / whole, most=0.03)
+    began = cpu_s()
+    every, _ = store_rows(store, usable_trips(store), f"{folder}/w", InProcess())
+    ManagerReport.of({}, updated, every).write(Path(folder) / "report")
+    yield Row(f"the report of {vehicles} vehicles after it", cpu_s() - began, "s CPU", most=5.0)
     full = group_posterior(rows_of(store, folder).sums, model.posterior.scales)
     worst = float(np.abs(full.mean - updated.posterior.mean).max() / np.abs(full.mean).max())
     yield Row("weights of the update against those of all trips, relative", worst, most=1e-10)
@@ -513,6 +548,7 @@ def main(
     parts: dict[str, Callable[[], Iterator[Row]]] = {
         "scale": lambda: scale(*trips, workers),
         "same": same,
+        "add": add,
         "store": store_bars,
         "truth": truth,
         "update": update,
