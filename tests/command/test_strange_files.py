@@ -32,7 +32,7 @@ EARLIER = (
     "missing package: pyvalhalla",
 )
 """What ends a command before it comes to the file: here are no map, no fleet and no trips, and perhaps no Valhalla to build a map with."""
-WITH = {"stations": ("--map", "nowhere")}
+WITH = {"stations": ("--map", "nowhere"), "store add data": ("--car", "nissan_leaf_24")}
 """Options without which another one is not read."""
 OTHERS = {
     "paths": "trip.csv",
@@ -76,7 +76,8 @@ CASES = list({(case[2].name, case[2].metavar, case[2].help): case for case in re
 
 def line(names: tuple[str, ...], command: Any, strange: Any, value: Path) -> list[str]:
     """The shortest command with this value."""
-    options: list[str] = [*WITH.get(strange.name, ())]
+    full = f"{' '.join(names)} {strange.name}"
+    options: list[str] = [*WITH.get(strange.name, ()), *WITH.get(full, ())]
     arguments = []
     for one in command.params:
         if one is not strange and not one.required and one.name != "distance":

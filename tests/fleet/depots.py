@@ -165,9 +165,9 @@ def simulated_night(seed, probability=0.95, models=3, vehicles=8, history=12):
     needed = needs["charge_wh"] > 0.0
     quantiles_wh = needs["energy_quantile_wh"].sum()
     values = (
-        (needs["chance"].mean(), (left >= 0.0).mean()),
+        (needs["p_enough"].mean(), (left >= 0.0).mean()),
         (probability, (after[needed] >= 0.0).mean()),
-        (stated["chance"], float((after >= 0.0).all())),
+        (stated["p_enough"], float((after >= 0.0).all())),
         (probability, float(truth.sum() <= stated["energy_quantile_wh"])),
         (0.5, float(truth.sum() <= stated["energy_wh"])),
         (probability, float(truth.sum() <= quantiles_wh)),

@@ -69,7 +69,7 @@ TRIP_COLUMNS: Final = (
     *_SUMMED,
 )
 _NEED_COLUMNS: Final = ("vehicle_id", "car_model", "departs_at", "arrives_at", "trips", "distance_m", "energy_wh", "energy_quantile_wh",
-                "soc_needed", "soc", "chance", "charge_wh", *POWERS, "assumed", "reasons", *OF_ERRORS)  # fmt: skip
+                "soc_needed", "soc", "p_enough", "charge_wh", *POWERS, "assumed", "reasons", *OF_ERRORS)  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True)
@@ -217,7 +217,7 @@ def needs_by_hour(
         - `soc_needed`: displayed charge to leave with for this hour and the later ones without charging in between. A value above 1
           means that a full battery does not suffice;
         - `soc`: displayed charge now;
-        - `chance`: probability that the charge now suffices for this hour and those before; NaN if `soc` is not known;
+        - `p_enough`: probability that the charge now suffices for this hour and those before; NaN if `soc` is not known;
         - `charge_wh`: energy to charge for this hour beyond the need of the hours before [Wh]; NaN if `soc` is not known;
         - `alternating_w`, `direct_w`: highest power with which the car charges [W];
         - `assumed`: names of the values that the trips do not give;
@@ -335,7 +335,7 @@ def add_up_needs(trips: pd.DataFrame, probability: float, reserve: float) -> pd.
     needs["spare"] = (
         needs["soc"].fillna(needs.groupby("vehicle_id")["soc_needed"].transform("first")) - reserve - taken
     )
-    needs["chance"] = ndtr(needs["spare"] / sd.clip(lower=1e-9)).where(needs["soc"].notna())
+    needs["p_enough"] = ndtr(needs["spare"] / sd.clip(lower=1e-9)).where(needs["soc"].notna())
     missing = (taken + z * sd + reserve - needs["soc"]).clip(lower=0.0)
     before = missing.groupby(vehicle).shift(fill_value=0.0)
     soc_quantile = parts["soc"] + z * _sd(parts[shared], parts["own"])
@@ -369,7 +369,7 @@ def sum_up_depot(needs: pd.DataFrame, probability: float, charged_wh: FloatArray
     Returns
     -------
     dict
-        `energy_wh` (median) and `energy_quantile_wh` of the sum [Wh], not the sum of quantiles; `chance` that every vehicle comes back
+        `energy_wh` (median) and `energy_quantile_wh` of the sum [Wh], not the sum of quantiles; `p_enough` that every vehicle comes back
         with the reserve each hour.
     """
     rng, shared = np.random.default_rng(0), needs[list(ERRORS)].to_numpy().T
@@ -382,7 +382,7 @@ def sum_up_depot(needs: pd.DataFrame, probability: float, charged_wh: FloatArray
     energy = needs["energy_wh"].sum() + np.quantile(error_wh.sum(axis=1), (0.5, probability))
     more = up_to_each(needs) @ (error_wh * needs["soc_per_wh"].to_numpy()).T
     left = (needs["spare"] + charged_wh / needs["wh_per_soc"]).to_numpy()[:, None] - more
-    names = "energy_wh", "energy_quantile_wh", "chance"
+    names = "energy_wh", "energy_quantile_wh", "p_enough"
     return dict(zip(names, (*energy.tolist(), float((left >= 0.0).all(axis=0).mean())), strict=True))
 
 

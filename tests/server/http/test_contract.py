@@ -338,7 +338,9 @@ def departures(request: Any) -> list[Departure]:
     """The departures of a checked request."""
     inside = [request.one, request.other] if hasattr(request, "one") else [request]
     if isinstance(request, NightRequest):  # its rows are checked one by one
-        inside = [check_request(row, PlannedTripRequest, Jobs.from_folders({}, Limits())) for row in request.trips]
+        inside = [
+            check_request(row, PlannedTripRequest, Jobs.from_folders({}, Limits())) for row in request.trips
+        ]
     return [departure_of(one) for one in inside]
 
 

@@ -143,7 +143,7 @@ def needs_of(soc):
                 **powers,
                 "soc_needed": 0.5,
                 "soc": math.nan if soc is None else soc,
-                "chance": 0.4 if soc is not None else None,
+                "p_enough": 0.4 if soc is not None else None,
                 **dict.fromkeys(OF_ERRORS, 0.0),
                 "wh_per_soc": 30e3,
                 "charge_wh": 6e3 if soc is not None else math.nan,

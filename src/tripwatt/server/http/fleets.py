@@ -142,7 +142,7 @@ class HourNeed(schemas.ResponseModel):
     """displayed charge to leave with for this hour and the later ones, without charging in between; above 1: more than a full battery"""
     soc: float | None
     """displayed charge now"""
-    chance: float | None
+    p_enough: float | None
     """probability that the charge now suffices for this hour and those before; null where it is not known"""
     charge_wh: float | None
     """to be charged for this hour beyond what the hours before need [Wh]; null where the charge now is not known"""

@@ -343,7 +343,7 @@ def _describe_tonight(night: Night | None, probability: float) -> str:
     said = {
         "vehicles": needs["vehicle_id"].nunique(),
         "level": percent(probability, 0),
-        "chance": percent(sums["chance"], 1),
+        "chance": percent(sums["p_enough"], 1),
     }
     parts = [_SAID["tonight"].format(**said, **kwh)]
     if "peak_w" in sums:
@@ -387,7 +387,7 @@ def needs_table(needs: pd.DataFrame, probability: float) -> Table:
         in_percent("leave with [%]", "soc_needed", 0),
         in_kwh("to charge [kWh]", "charge_wh", 1),
         in_percent("charge now [%]", "soc", 0),
-        in_percent("suffices now with [%]", "chance", 0),
+        in_percent("suffices now with [%]", "p_enough", 0),
         in_kwh("missing [kWh]", lambda row: row.get("missing_wh"), 1),
         in_words("first departure", lambda row: f"{row['departs_at']:%Y-%m-%d %H:%M}"),
         in_kwh(f"suffices with {percent(probability, 0)} [kWh]", "energy_quantile_wh", 1),
