@@ -33,6 +33,7 @@ from tripwatt.roads.journey.kinds import (
     round_shares,
     shares_of,
     shares_over,
+    usual_air,
 )
 from tripwatt.study.synthetic import synthetic_fleet
 from tripwatt.trips import Departure, Trip
@@ -295,18 +296,12 @@ def test_the_air_of_a_day_is_that_of_own_trips_around_it() -> None:
     """Winters of -5 and summers of 25 degrees; without a date all of the year; without trips the usual one."""
     day = np.arange(0.0, 730.0, 10.0)
     degc = 10.0 - 15.0 * np.cos(2.0 * np.pi * day / 365.25)
-    roads = OwnRoads(
-        road_prior(),
-        np.full((len(day), 3), 1000.0),
-        np.full(len(day), 300.0),
-        TYPICAL,
-        np.column_stack([degc, day]),
-    )
-    winter, summer, unknown = (roads.usual_air(one) for one in (5.0 + 3 * 365.25, 180.0, np.nan))
+    air = np.column_stack([degc, day])
+    winter, summer, unknown = (usual_air(air, one) for one in (5.0 + 3 * 365.25, 180.0, np.nan))
     assert winter[0] < 1.0 < 19.0 < summer[0]
     assert unknown[0] == pytest.approx(10.0, abs=1.0)
     assert max(winter[1], summer[1]) < 9.5 < unknown[1]
-    nothing = replace(roads, air=np.full((len(day), 2), np.nan)).usual_air(180.0)
+    nothing = usual_air(np.full((len(day), 2), np.nan), 180.0)
     assert nothing == (UNKNOWN_AMBIENT_DEGC, UNKNOWN_AIR_SD_K)
 
 

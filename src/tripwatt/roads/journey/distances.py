@@ -27,6 +27,7 @@ from tripwatt.roads.journey.kinds import (
     road_prior,
     shares_of,
     shares_over,
+    usual_air,
 )
 from tripwatt.trips import Departure, Flag, Plan, Trip
 from tripwatt.trips.columns import Column, number_faults, raise_faults, require_fraction, require_number
@@ -325,7 +326,7 @@ class KindForecaster:
         """Forecast a plan; if no outside temperature is given, with that of the car's own trips around the day of the year."""
         if self.departure.ambient_temperature_degc is not None:
             return self.model.forecast(plan, self.departure)
-        degc, sd_k = own_roads.usual_air(day_of(self.departure.departs_at))
+        degc, sd_k = usual_air(own_roads.air, day_of(self.departure.departs_at))
         forecast = self.model.forecast(plan, replace(self.departure, ambient_temperature_degc=degc))
         usual_wh = forecast.drive.simulation.simulated_energy_wh
         air_wh = unknown_air_sd_wh(self.model.vehicle, plan, usual_wh, degc, sd_k)

@@ -230,19 +230,25 @@ class OwnRoads:
         extra = known_mean, unknown_mean
         return RoadPrior(self.prior.speed_m_s, tuple(usual.tolist()), known_var, unknown_var, extra)
 
-    def usual_air(self, day: float) -> tuple[float, float]:
-        """Return the outside temperature [°C] around a day of the year where the car drives, and its standard deviation [K].
 
-        If the day is NaN, both are of all the year.
-        """
-        degc, trip_day = self.air[np.isfinite(self.air[:, 0])].T
-        apart = np.abs(trip_day - day) % _DAYS_OF_YEAR
-        weight = np.exp(-0.5 * (np.minimum(apart, _DAYS_OF_YEAR - apart) / _SEASON_DAYS) ** 2)
-        weight = np.where(np.isfinite(weight), weight, float(not np.isfinite(day)))
-        trips = PRIOR_TRIPS + weight.sum()
-        mean = float((PRIOR_TRIPS * UNKNOWN_AMBIENT_DEGC + weight @ degc) / trips)
-        prior = PRIOR_TRIPS * (UNKNOWN_AIR_SD_K**2 + (UNKNOWN_AMBIENT_DEGC - mean) ** 2)
-        return mean, float(np.sqrt((prior + weight @ (degc - mean) ** 2) / trips))
+def usual_air(air: FloatArray, day: float) -> tuple[float, float]:
+    """Return the outside temperature [°C] around a day of the year where trips were driven, and its standard deviation [K].
+
+    Parameters
+    ----------
+    air : ndarray, shape (trips, 2)
+        Outside temperature [°C] and day of the year of each trip; NaN if unknown.
+    day : float
+        If it is NaN, both are of all the year.
+    """
+    degc, trip_day = air[np.isfinite(air[:, 0])].T
+    apart = np.abs(trip_day - day) % _DAYS_OF_YEAR
+    weight = np.exp(-0.5 * (np.minimum(apart, _DAYS_OF_YEAR - apart) / _SEASON_DAYS) ** 2)
+    weight = np.where(np.isfinite(weight), weight, float(not np.isfinite(day)))
+    trips = PRIOR_TRIPS + weight.sum()
+    mean = float((PRIOR_TRIPS * UNKNOWN_AMBIENT_DEGC + weight @ degc) / trips)
+    prior = PRIOR_TRIPS * (UNKNOWN_AIR_SD_K**2 + (UNKNOWN_AMBIENT_DEGC - mean) ** 2)
+    return mean, float(np.sqrt((prior + weight @ (degc - mean) ** 2) / trips))
 
 
 def round_shares(length_m: FloatArray) -> Shares:
