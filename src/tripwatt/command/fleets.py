@@ -18,10 +18,13 @@ from tripwatt.command.options import Answer, argument, flag, make_group, option
 from tripwatt.command.output import write_text
 from tripwatt.command.printing import console, print_notes, print_table, progress, say
 from tripwatt.command.stores import Store
-from tripwatt.errors import require_extras
+from tripwatt.errors import InvalidInput, require_extras
+from tripwatt.files import csv_text
 
 if TYPE_CHECKING:
     from concurrent.futures import Executor
+
+    import pandas as pd
 
     from tripwatt.fleet.registry import Registry
     from tripwatt.fleet.statistics import TripRows
@@ -30,6 +33,10 @@ if TYPE_CHECKING:
 
 RegistryFolder = Annotated[Path, argument("REGISTRY", "Folder of the model's versions.")]
 CLUSTER = "Scheduler of a Dask cluster, such as tcp://10.0.0.5:8786, in place of --jobs."
+CHOICES = "A library car, a TOML file, or all cars of a body, such as van. Repeatable."
+CLIMATE = "CSV with month, mean_degc, sd_k; or a store, whose trips have temperatures. Default: ROUTES."
+CHOICE = {"route": "{route}", "vehicle": "{vehicle}", "year": "{chance:.0%}", "worst month": "{worst_chance:.0%}", "month": "{worst_month}",
+          "charge": "{soc_needed:.0%}", "Wh/year": "{energy_wh:,.0f}", "€/year": "{cost:,.0f}", "smallest": "{smallest}"}  # fmt: skip
 WORK = "Folder of finished parts, which every worker reaches. Default: REGISTRY/work."
 
 
@@ -327,6 +334,69 @@ def _show_report(result: ManagerReport, folder: Path) -> None:
     say(f"{folder / 'report.html'}")
 
 
+def choose(
+    routes: Annotated[str, argument("ROUTES", "Planned trips (CSV, Parquet), GPX tracks, or a trip store.")],
+    registry: Annotated[Path | None, option("REGISTRY", "Choose from the vehicles of this model.")] = None,
+    car: Annotated[list[str] | None, option("NAME|FILE|BODY", CHOICES)] = None,
+    climate: Annotated[str | None, option("FILE|STORE", CLIMATE)] = None,
+    days: Annotated[float, option("N", "Days of a year on which a route is driven.", min=1, max=366)] = 250,
+    price: Annotated[float, option("EUR", "Price of a kWh from the plug; 0.30 is a choice.", min=0.0)] = 0.3,
+    probability: shared.Probability = 0.95,
+    reserve: shared.Reserve = 0.1,
+    out: Annotated[
+        Path | None, option("FILE", "Write every route and vehicle as CSV.", "--out", "-o")
+    ] = None,
+) -> Answer:
+    """Choose a vehicle for each route over a year of weather, and count the chargers.
+
+    A vehicle serves a route if one charge is enough in the worst month. --registry assigns vehicles to routes, one each, and counts chargers;
+    --car compares cars that you do not have. The days of a route are planned (columns as for `tripwatt fleet report --planned`), tracks, or recorded in a store,
+    also by combustion vehicles. The exit code is 1 if no vehicle serves a route.
+
+    For example:
+
+      # which vehicle for which route, and how many chargers
+      tripwatt fleet choose routes.csv --registry models --climate fleet
+      # replace combustion vans, whose tracks or logs there are, by electric ones
+      tripwatt fleet choose tracks-of-van-7 --car van --car vans/evito.toml --climate climate.csv
+    """
+    import pandas as pd
+
+    from tripwatt.fleet import choice
+    from tripwatt.fleet.nights import records
+
+    fleet = None if registry is None else _registry(registry).load()
+    candidates = [*choice.library_candidates(car or [])]
+    candidates += [] if fleet is None else choice.fleet_candidates(fleet)
+    if not candidates:
+        raise InvalidInput.of(
+            "no vehicles", "--registry, --car", "neither", "a registry or a car", "--car van"
+        )
+    of_year, driven = choice.Climate.read(climate or routes), choice.read_routes(routes)
+    asked = {"probability": probability, "reserve": reserve}
+    table = choice.choices(driven, candidates, of_year, **asked, days=days, price=price)
+    vehicles = {row["route"]: row["vehicle"] for row in records(table[table["is_assigned"]])}
+    power = pd.DataFrame() if fleet is None else choice.chargers(fleet, driven, vehicles, of_year, **asked)
+    if out is not None:
+        write_text(csv_text(table), out)
+    document = {"choices": records(table), "chargers": records(power)}
+    return Answer(document, partial(_show_choices, table, power), code=bool(table["smallest"].isna().any()))
+
+
+def _show_choices(table: pd.DataFrame, power: pd.DataFrame) -> None:
+    from tripwatt.fleet.nights import records
+
+    first = table.sort_values(["is_assigned", "worst_chance"], ascending=False, kind="stable")
+    rows = records(first.fillna({"smallest": "none"}).drop_duplicates("route").sort_values("route"))
+    cells = [[form.format(**row) for form in CHOICE.values()] for row in rows]
+    print_table("Enough with one charge", [*CHOICE], cells, numbers=[*CHOICE][2:-1])
+    if len(power):
+        heads = ["charger [W]", *(f"{share:.0%} of nights" for share in power["nights"].unique())]
+        counts = power.groupby("charger_w")["chargers"].agg(list).items()
+        print_table("Chargers that are enough", heads, [[f"{w:g}", *map(str, row)] for w, row in counts])
+        print_notes(f"short with a charger of its own: {name}" for name in power["fails"].unique() if name)
+
+
 def _rows(store: Store, work: Path, on: Workers) -> TripRows:
     """Read the rows of the trips of a store."""
     from tripwatt.fleet.mapping import store_rows, usable_trips
@@ -374,5 +444,5 @@ def evaluate(
 FLEET = make_group(
     "Many vehicles: one model of a trip store, with the deviations of each car model, vehicle and driver. It needs the "
     "extra tripwatt[fleet].",
-    (fit, update, refit, versions, promote, forecast, batch, report, evaluate),
+    (fit, update, refit, versions, promote, forecast, batch, report, choose, evaluate),
 )

@@ -1,0 +1,397 @@
+"""Which vehicle serves which route over a year of weather, and how many chargers the routes need.
+
+A route is what a vehicle drives on one charge, on one day or several: planned trips, or the recorded days of a vehicle of any kind. Each
+of its trips is forecast at some temperatures, between which energy and charge are linear.
+"""
+
+from __future__ import annotations
+
+import bisect
+import datetime as dt
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import partial
+from pathlib import Path
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+import pandas as pd
+from scipy.interpolate import make_interp_spline
+from scipy.optimize import brentq, linear_sum_assignment
+from scipy.special import ndtr, ndtri
+
+from tripwatt.arrays import FloatArray, IntArray, by_key
+from tripwatt.auditing import audit
+from tripwatt.errors import InvalidInput
+from tripwatt.fleet.charging import EFFICIENCY, Depot, schedule
+from tripwatt.fleet.features import FEATURES, trip_features
+from tripwatt.fleet.mapping import load_car
+from tripwatt.fleet.model import FleetModel
+from tripwatt.fleet.nights import POWERS, PlannedTrip, needs_by_hour, read_planned
+from tripwatt.fleet.store import TripStore, open_store
+from tripwatt.forecasting import ForecastModel
+from tripwatt.hybrid.segments import day_of
+from tripwatt.population import for_car
+from tripwatt.roads.journey.distances import trip_quantiles
+from tripwatt.roads.journey.kinds import UNKNOWN, usual_air
+from tripwatt.routes import parse_route
+from tripwatt.sources.columnar import open_table
+from tripwatt.trips import Departure, Plan, raise_faults
+from tripwatt.vehicles.catalogue import BODIES, catalogue, table_names
+
+POWERS_W: Final = (3700.0, 7400.0, 11000.0, 22000.0)
+"""Powers of usual chargers with alternating current [W]."""
+NIGHTS: Final = (0.5, 0.9, 0.95, 0.99)
+"""Shares of the nights of a year for which chargers are counted."""
+_NODES: Final = 7
+_AIRS: Final = 15
+"""Temperatures at which trips are forecast, and temperatures of a month: choices, with which chances differ by less than a point from those
+of twice as many."""
+_MAX_DAYS: Final = 20
+"""Largest number of days of a route that are forecast, spread evenly: a choice, because their mean chance is then certain to some points."""
+_LEVEL: Final = 0.95
+"""Level of the quantile from which a standard deviation is computed."""
+_BEFORE: Final = dt.timedelta(hours=12)
+"""Time before the first departure at which charging begins: a choice, a night."""
+
+Routes = Mapping[str, Sequence[Sequence[PlannedTrip]]]
+"""Name of a route -> its days -> trips of a day on one charge."""
+
+
+class Climate(NamedTuple):
+    """Outside temperature of the days of each month.
+
+    Attributes
+    ----------
+    mean_degc, sd_k : ndarray, shape (12,)
+        Mean [°C] and standard deviation [K], from January on.
+    """
+
+    mean_degc: FloatArray
+    sd_k: FloatArray
+
+    @classmethod
+    def read(cls, place: Path | str) -> Climate:
+        """Read the columns `month` (1 to 12), `mean_degc` and `sd_k` of a CSV file, or take the temperatures of a store's trips.
+
+        With a store, a month is as `usual_air` has it: one with few trips is uncertain.
+
+        Raises
+        ------
+        InvalidInput
+            If a month is missing, or no trip of the store has a temperature.
+        """
+        if Path(place).is_file():
+            table = open_table(Path(place))
+            numbers = np.array(table.numbers(["month", "mean_degc", "sd_k"]))
+            raise_faults(table.faults)
+            month, mean, sd = numbers[:, np.argsort(numbers[0])]
+            if month.tolist() != list(range(1, 13)) or not (sd >= 0.0).all():
+                got, allowed = f"{month.tolist()}"[:80], "each of 1 to 12 once, with sd_k of at least 0"
+                raise InvalidInput.of("months are missing", f"{place}", got, allowed)
+            return cls(mean, sd)
+        trips = open_store(place).trips(columns=["started_at", "ambient_temperature_degc"]).dropna()
+        if trips.empty:
+            fix = "give a CSV with month, mean_degc, sd_k"
+            raise InvalidInput.of("no temperatures", f"{place}", "trips without any", "some with one", fix)
+        day = [day_of(dt.datetime.fromisoformat(f"{at}")) for at in trips["started_at"]]
+        air = np.column_stack([trips["ambient_temperature_degc"], day])
+        return cls(*np.array([usual_air(air, 365.25 * (k + 0.5) / 12.0) for k in range(12)]).T)
+
+    @property
+    def air_degc(self) -> FloatArray:
+        """Equally likely temperatures of each month [°C], shape (12, temperatures)."""
+        z = ndtri((np.arange(_AIRS) + 0.5) / _AIRS)
+        return np.asarray(self.mean_degc[:, None] + self.sd_k[:, None] * z)
+
+
+@dataclass(frozen=True, eq=False)
+class Candidate:
+    """A vehicle that may drive a route.
+
+    Attributes
+    ----------
+    name : str
+    model : ForecastModel
+        Model of its car model.
+    is_owned : bool
+        Whether it is one vehicle of the fleet, which can drive one route only.
+    weights, covariance : ndarray, shape (features,) and (features, features)
+        Weights of the vehicle minus those of its car model, and the same of their covariance.
+    """
+
+    name: str
+    model: ForecastModel
+    is_owned: bool = False
+    weights: FloatArray = field(default_factory=partial(np.zeros, len(FEATURES)))
+    covariance: FloatArray = field(default_factory=partial(np.zeros, (len(FEATURES),) * 2))
+
+    def amounts(self, taken: FloatArray) -> FloatArray:
+        """Add the deviation of the vehicle to what its car model takes, from `_day` with the shape (days, temperatures, ...).
+
+        Returns
+        -------
+        ndarray, shape (3, days, temperatures)
+            Median of the energy [Wh], and of the displayed charge, and the standard deviation of the latter.
+        """
+        energy_wh, soc, sd_wh, sd = np.moveaxis(taken[..., :4], -1, 0)
+        x, (_, uncertainty) = taken[..., 5:], self.model.fitted_parts("choices")
+        ratio = 1.0 + x @ self.weights / energy_wh
+        more = np.einsum("...p,pq,...q", x, self.covariance, x) * uncertainty.scale.values[3] ** 2
+        wider = np.sqrt(np.maximum(1.0 + more / sd_wh**2, 0.01))
+        return np.stack([energy_wh * ratio, soc * ratio, sd * wider])
+
+
+def fleet_candidates(fleet: FleetModel) -> Iterator[Candidate]:
+    """Yield the vehicles of a fleet."""
+    vehicles = sorted(fleet.vehicles().items())
+    models = {name: fleet.of_vehicle(None, car_model=name) for name in dict(vehicles).values()}
+    for vehicle, name in vehicles:
+        (own, covariance), (usual, usual_covariance) = (
+            fleet.posterior.weights(name, v, None) for v in (vehicle, None)
+        )
+        yield Candidate(vehicle, models[name], True, own - usual, covariance - usual_covariance)
+
+
+def library_candidates(names: Sequence[str]) -> Iterator[Candidate]:
+    """Yield cars of the library, of TOML files, and of a kind of body, such as "van", by the model that comes with the package."""
+    for name in names:
+        of_body = [car for car in table_names() if _body(car) == name] if name in BODIES else [name]
+        yield from (Candidate(car, for_car(None, load_car(car))) for car in of_body)
+
+
+def _body(car: str) -> str | None:
+    return next((cell.value for cell in catalogue()[car].get("body", ())), None)
+
+
+def read_routes(place: Path | str) -> Routes:
+    """Read routes: a table of planned trips, a GPX track or a folder of tracks, or the recorded trips of a store.
+
+    Trips of the same name, vehicle and date are one day of a route. A route of tracks has the name of their folder, one of a store that of its
+    vehicle; their logs need neither charge nor energy.
+
+    Raises
+    ------
+    InvalidInput
+        If there is no such file or store, or it has no trips.
+    """
+    path = Path(place)
+    tracks = sorted(path.glob("*.gpx")) if path.is_dir() else [path] * (path.suffix == ".gpx")
+    if tracks:
+        name = tracks[0].absolute().parent.name
+        trips = [_recorded(name, k, parse_route(track).plan()) for k, track in enumerate(tracks)]
+    else:
+        trips = read_planned(path) if path.is_file() else list(_stored(open_store(place)))
+    if not trips:
+        raise InvalidInput.of("no trips", f"{place}", "none", "planned trips, tracks or a store with trips")
+    days = by_key(trips, lambda trip: (trip.name, trip.departs_at.date(), trip.vehicle_id))
+    routes = by_key(sorted(days), lambda day: day[0])
+    return {name: [days[day] for day in _spread(of_route)] for name, of_route in routes.items()}
+
+
+def _spread(items: Sequence[Any]) -> list[Any]:
+    """Return at most `_MAX_DAYS` items, evenly spread."""
+    chosen = np.unique(np.linspace(0, len(items) - 1, _MAX_DAYS).round().astype(int))
+    return [items[i] for i in chosen]
+
+
+def _stored(store: TripStore) -> Iterator[PlannedTrip]:
+    """Yield the trips of a store, of some days of each vehicle; a log without sound drives, such as one without energy, is one trip."""
+    rows = by_key(store.trip_rows(), lambda row: row["vehicle_id"])
+    for vehicle, of_vehicle in rows.items():
+        days = by_key(enumerate(of_vehicle), lambda item: f"{item[1]['started_at'] or item[0]}"[:10])
+        chosen = [row for day in _spread(list(days.values())) for _, row in day]
+        trips = (trip for log in store.logs(chosen) for trip in audit([log]).trips or (log,))
+        yield from (_recorded(vehicle, k, Plan.from_trip(trip)) for k, trip in enumerate(trips))
+
+
+def _recorded(vehicle: str, number: int, road: Plan) -> PlannedTrip:
+    """Make a planned trip of a recorded one, without what its log knows of the vehicle; one without a date is a day of its own."""
+    at = road.departure.departs_at or dt.datetime(1970, 1, 1) + dt.timedelta(days=number)
+    road = replace(road, departure=Departure())
+    return PlannedTrip(
+        vehicle, vehicle, at.astimezone(), road, UNKNOWN, Departure(), None, None, f"{vehicle}: "
+    )
+
+
+def choices(
+    routes: Routes, candidates: Sequence[Candidate], climate: Climate, *, probability: float = 0.95, reserve: float = 0.1,
+    days: float = 250.0, price: float = 0.3,
+) -> pd.DataFrame:  # fmt: skip
+    """Compute the chance that one charge is enough for each route with each vehicle, by month. O(trips x car models) forecasts.
+
+    Errors of the trips of a day are the same, as in `need`. Every day of a route may fall on any day of the year.
+
+    Parameters
+    ----------
+    routes : Routes
+    candidates : sequence of Candidate
+    climate : Climate
+    probability : float
+        Probability with which a vehicle has to serve a route in its worst month.
+    reserve : float
+        Displayed charge to come back with.
+    days : float
+        Days of a year on which a route is driven.
+    price : float
+        Price of a kWh from the plug.
+
+    Returns
+    -------
+    DataFrame
+        A row for each route and candidate: `route`, `vehicle`, `car_model`; `battery_wh`, energy of a full battery as displayed [Wh];
+        `chance` that one charge is enough, with the reserve, over the days of a year, `worst_chance` in `worst_month` (1 to 12);
+        `soc_needed` to leave with in that month, enough with `probability`; a value above 1 means that the route needs a battery larger by
+        that factor. `energy_wh` of a year from the battery [Wh] and its `cost`. `is_assigned`: whether the vehicle drives the route by
+        `assign`, with the chances of the worst month; `smallest`: car model with the smallest battery that serves the route, NaN if none does.
+    """
+    air_degc = climate.air_degc
+    degc = np.linspace(air_degc.min(), air_degc.max(), _NODES)
+    models, rows = {id(c.model): c.model for c in candidates}, []
+    for route, trips in routes.items():
+        taken = {key: np.array([_day(model, day, degc) for day in trips]) for key, model in models.items()}
+        for c in candidates:
+            of_model = taken[id(c.model)]
+            year_wh, soc, sd = make_interp_spline(degc, c.amounts(of_model), k=1, axis=-1)(air_degc)
+            energy_wh = days * float(year_wh.mean())
+            row: dict[str, Any] = {"route": route, "vehicle": c.name, "car_model": c.model.vehicle.name}
+            row |= {"battery_wh": float(of_model[0, 0, 4]), **_chances(soc, sd, reserve, probability)}
+            rows.append(row | {"energy_wh": energy_wh, "cost": price * energy_wh / (1000.0 * EFFICIENCY)})
+    table = pd.DataFrame(rows)
+    served = table[table["worst_chance"] >= probability].sort_values("battery_wh", kind="stable")
+    table["smallest"] = table["route"].map(served.drop_duplicates("route").set_index("route")["car_model"])
+    owned = table[table["vehicle"].isin([c.name for c in candidates if c.is_owned])]
+    chance, cost = (owned[name].to_numpy().reshape(len(routes), -1) for name in ("worst_chance", "cost"))
+    route_number, vehicle_number = assign(chance, cost)
+    chosen = owned.index[route_number * chance.shape[1] + vehicle_number]
+    return table.assign(is_assigned=table.index.isin(chosen))
+
+
+def _day(model: ForecastModel, trips: Sequence[PlannedTrip], degc: FloatArray) -> FloatArray:
+    """Return what the trips of a day take at each temperature, shape (temperatures, 5 + features).
+
+    Median of the energy [Wh] and of the displayed charge, their standard deviations, the energy of a full battery as displayed [Wh], and
+    the energies by feature [Wh].
+    """
+    rows = []
+    for at in degc.tolist():
+        sums = np.zeros(5 + len(FEATURES))
+        for trip in trips:
+            forecast = trip.forecast(model, _in_air(trip.departure, at))
+            energy, charge, _ = trip_quantiles(forecast, (0.5, _LEVEL))
+            spread = [np.diff(values)[0] / ndtri(_LEVEL) for values in (energy, charge)]
+            sums += [energy[0], charge[0], *spread, 0.0, *trip_features(forecast.drive.table)[0]]
+            sums[4] = forecast.charge.wh_per_display
+        rows.append(sums)
+    return np.array(rows)
+
+
+def _in_air(departure: Departure, degc: float, soc: float | None = None) -> Departure:
+    return replace(departure, ambient_temperature_degc=degc, battery_temperature_degc=None, soc=soc)
+
+
+def _chances(soc: FloatArray, sd: FloatArray, reserve: float, probability: float) -> dict[str, Any]:
+    """Return the columns of `choices` on the chance that one charge is enough.
+
+    Parameters
+    ----------
+    soc, sd : ndarray, shape (days, 12, temperatures)
+        Displayed charge that is taken, and its standard deviation.
+    reserve, probability : float
+    """
+    by_month = ndtr((1.0 - reserve - soc) / sd).mean(axis=(0, 2))
+    worst = int(np.lexsort((-soc.mean(axis=(0, 2)), by_month))[0])
+    soc, sd = soc[:, worst], sd[:, worst]
+    ends = float((soc - 9.0 * sd).min()), float((soc + 9.0 * sd).max())
+    needed = brentq(lambda level: float(ndtr((level - soc) / sd).mean()) - probability, *ends)
+    of_worst = {"worst_month": worst + 1, "worst_chance": float(by_month[worst])}
+    return {"chance": float(by_month.mean()), **of_worst, "soc_needed": needed + reserve}
+
+
+def assign(chance: FloatArray, cost: FloatArray) -> tuple[IntArray, IntArray]:
+    """Assign vehicles to routes, one each: first the largest smallest chance, in tenths of a percent, then the least cost.
+
+    If there are more routes than vehicles, the routes that are hardest to serve are left out.
+
+    Parameters
+    ----------
+    chance, cost : ndarray, shape (routes, vehicles)
+
+    Returns
+    -------
+    tuple of ndarray
+        Numbers of the assigned routes, and of their vehicles.
+
+    Examples
+    --------
+    >>> assign(np.array([[0.99, 0.9], [0.95, 0.1]]), np.ones((2, 2)))[1].tolist()
+    [1, 0]
+    """
+    chance = np.round(chance, 3)
+    levels = np.unique(chance)
+
+    def is_missed(level: float) -> bool:
+        below = chance < level
+        return bool(below[linear_sum_assignment(below)].any())
+
+    best = (
+        levels[max(bisect.bisect_left(levels.tolist(), True, key=is_missed) - 1, 0)] if len(levels) else 0.0
+    )
+    rows, columns = linear_sum_assignment(np.where(chance < best, cost.sum() + 1.0, cost))
+    return rows, columns
+
+
+def chargers(
+    fleet: FleetModel, routes: Routes, vehicles: Mapping[str, str], climate: Climate, *, probability: float = 0.95, reserve: float = 0.1,
+) -> pd.DataFrame:  # fmt: skip
+    """Count the chargers that the vehicles of routes need, by power and share of the nights of a year.
+
+    In a night, each vehicle charges what the first day of its route takes, so that it leaves with enough with `probability`: it comes back
+    with the reserve. A charger charges one vehicle after the other, as `schedule` plans it, from `_BEFORE` the first departure on.
+
+    Parameters
+    ----------
+    fleet : FleetModel
+    routes : Routes
+    vehicles : mapping of str to str
+        Route -> the vehicle that drives it; other routes are left out.
+    climate : Climate
+    probability, reserve : float
+
+    Returns
+    -------
+    DataFrame
+        A row for each of `NIGHTS` and `POWERS_W`: `nights`, the share of the nights that are not colder than `ambient_temperature_degc`;
+        `charger_w`; `chargers`, the least number with which no departure lacks more than with a charger for each vehicle; and `fails`, the
+        vehicles that lack energy even then.
+    """
+    rows, days = [], [(vehicles[name], of_route[0]) for name, of_route in routes.items() if name in vehicles]
+    first = min((trip.departs_at.date() for _, day in days for trip in day), default=dt.date.min)
+    for share in NIGHTS if days else ():
+        degc = float(np.quantile(climate.air_degc, 1.0 - share))
+        night = [
+            replace(trip, vehicle_id=vehicle, car_model=None, departure=_in_air(trip.departure, degc, reserve),
+                    departs_at=dt.datetime.combine(first, trip.departs_at.timetz()))
+            for vehicle, day in days for trip in day
+        ]  # fmt: skip
+        needs = needs_by_hour(fleet, night, probability=probability, reserve=reserve)
+        for charger_w in POWERS_W:
+            count, fails = _least(needs, Depot(needs["departs_at"].min() - _BEFORE, charger_w))
+            rows.append((share, degc, charger_w, count, ", ".join(fails)))
+    names = ["nights", "ambient_temperature_degc", "charger_w", "chargers", "fails"]
+    return pd.DataFrame(rows, columns=names)
+
+
+def _least(needs: pd.DataFrame, depot: Depot) -> tuple[int, list[str]]:
+    """Return the least number of chargers, and the vehicles that lack energy with a charger each.
+
+    The energies of a vehicle are scaled so that it takes the full power of a charger: the lowest peak of the schedule is then the number of
+    chargers in use.
+    """
+    scale = depot.charger_w / depot.windows(needs)["power_w"]
+    scaled = needs[["charge_wh", "energy_wh", "wh_per_soc"]].mul(scale, axis=0)
+    scaled = needs.assign(**scaled, **dict.fromkeys(POWERS, depot.charger_w))
+    plan = schedule(scaled, depot)
+    fails = needs["vehicle_id"][plan.missing_wh > 0.0].unique().tolist()
+    return math.ceil(plan.peak_w / depot.charger_w - 1e-6), fails

@@ -1,0 +1,235 @@
+"""Which vehicle serves which route over a year of weather, and how many chargers the routes need."""
+
+import datetime as dt
+import itertools
+import json
+import math
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+import pytest
+from tests.fleet.depots import AT, UNIT_WH, needs_of
+from tests.fleet.store.test_store import drive
+from typer.testing import CliRunner
+
+import tripwatt as tw
+from tripwatt.command import app
+from tripwatt.errors import InvalidInput
+from tripwatt.fleet.charging import STEP, Depot
+from tripwatt.fleet.choice import (
+    NIGHTS,
+    POWERS_W,
+    Candidate,
+    Climate,
+    _chances,
+    _day,
+    _least,
+    assign,
+    chargers,
+    choices,
+    fleet_candidates,
+    library_candidates,
+    read_routes,
+)
+from tripwatt.population import for_car
+from tripwatt.trips import Context, Log
+
+pytest.importorskip("deltalake", reason="needs the extra tripwatt[fleet]")
+
+TEMPERATE = Climate(6.0 - 8.0 * np.cos(2.0 * np.pi * np.arange(12) / 12.0), np.full(12, 4.0))
+PLANNED = """vehicle_id,trip,departs_at,distance_km,kind
+V00000,long,2026-01-12T07:10+01:00,170,country
+V00000,long,2026-01-12T13:10+01:00,80,city
+V00001,short,2026-01-13T08:00+01:00,30,motorway
+"""
+
+
+@pytest.fixture(scope="module")
+def routes(tmp_path_factory):
+    file = tmp_path_factory.mktemp("routes") / "routes.csv"
+    file.write_text(PLANNED)
+    return read_routes(file)
+
+
+def batteries(*amp_hours):
+    cars = (tw.load_vehicle("vw_id3", overrides={"battery.capacity_ah": ah}) for ah in amp_hours)
+    return [Candidate(f"{ah}", for_car(None, car)) for ah, car in zip(amp_hours, cars, strict=True)]
+
+
+def test_more_battery_never_lowers_a_chance_and_colder_weather_never_raises_it(routes):
+    candidates = batteries(120.0, 140.0, 170.0, 220.0)
+    colder = TEMPERATE._replace(mean_degc=TEMPERATE.mean_degc - 6.0)
+    mild, cold = (choices(routes, candidates, air) for air in (TEMPERATE, colder))
+    for name in ("chance", "worst_chance"):
+        by_battery = mild[name].to_numpy().reshape(2, 4)
+        assert (np.diff(by_battery, axis=1) >= -1e-12).all()
+        assert (cold[name] <= mild[name] + 1e-12).all()
+    assert (cold["soc_needed"] > mild["soc_needed"]).all()
+    assert mild["chance"].min() < 0.9 < mild["chance"].max(), "the law is tried where a chance is between"
+    assert (mild["worst_chance"] <= mild["chance"]).all()
+    assert mild["worst_month"].tolist() == [1] * 8
+    assert not mild["is_assigned"].any()
+
+
+def test_the_smallest_battery_is_the_first_that_serves_in_the_worst_month(routes):
+    table = choices(routes, batteries(150.0, 400.0, 200.0), TEMPERATE, probability=0.95)
+    for _, rows in table.groupby("route"):
+        serve = rows["worst_chance"] >= 0.95
+        assert ((rows["soc_needed"] <= 1.0) == serve).all(), "the charge and the chance agree"
+        smallest = rows[serve].sort_values("battery_wh")["car_model"].head(1).tolist()
+        assert rows["smallest"].dropna().unique().tolist() == smallest
+
+
+def test_a_chance_is_that_of_drawn_days():
+    rng = np.random.default_rng(61)
+    soc = rng.uniform(0.5, 0.9, (3, 12, 5)) - 0.1 * np.cos(np.arange(12) / 6.0 * np.pi)[:, None]
+    stated = _chances(soc, np.full(soc.shape, 0.08), 0.1, 0.95)
+    drawn = soc + 0.08 * rng.standard_normal((40_000, *soc.shape))
+    enough = (drawn <= 0.9).mean(axis=(0, 1, 3))
+    assert stated["chance"] == pytest.approx(enough.mean(), abs=0.002)
+    assert stated["worst_month"] == 1 + int(np.argmin(enough))
+    worst = drawn[:, :, stated["worst_month"] - 1]
+    assert (worst <= stated["soc_needed"] - 0.1).mean() == pytest.approx(0.95, abs=0.002)
+
+
+def test_a_vehicle_of_the_fleet_takes_what_its_own_model_forecasts(fleet, routes):
+    model, (trip,) = fleet[2], routes["short"][0]
+    candidate = next(iter(fleet_candidates(model)))
+    known = tw.Departure(ambient_temperature_degc=-5.0)
+    own = trip.forecast(model.of_vehicle(candidate.name), known)
+    usual = trip.forecast(candidate.model, known)
+    energy_wh, soc, sd = candidate.amounts(_day(candidate.model, [trip], np.array([-5.0]))[None])[:, 0, 0]
+    assert abs(own.energy_wh / usual.energy_wh - 1.0) > 0.01, "the vehicle differs from its car model"
+    assert energy_wh == pytest.approx(own.quantile(0.5), rel=0.002)
+    charge = own.along.soc(0.5), own.along.soc(0.95)
+    assert soc == pytest.approx(charge[0][0] - charge[0][-1], rel=0.005)
+    assert sd == pytest.approx((charge[0][-1] - charge[1][-1]) / 1.645, rel=0.05)
+
+
+def test_an_assignment_is_the_best_of_all():
+    rng = np.random.default_rng(7)
+    for _ in range(200):
+        shape = tuple(rng.integers(1, 5, 2).tolist())
+        chance, cost = rng.integers(0, 6, shape) / 5.0, rng.uniform(1.0, 9.0, shape)
+        pairs = list(zip(*assign(chance, cost), strict=True))
+        n = min(shape)
+        every = [
+            list(zip(rows, columns, strict=True))
+            for rows in itertools.combinations(range(shape[0]), n)
+            for columns in itertools.permutations(range(shape[1]), n)
+        ]
+
+        def worth(chosen, chance=chance, cost=cost):
+            return min(chance[pair] for pair in chosen), -sum(cost[pair] for pair in chosen)
+
+        assert len(pairs) == n
+        assert worth(pairs) == pytest.approx(max(map(worth, every)))
+
+
+def test_the_number_of_chargers_is_the_smallest_with_which_all_are_charged():
+    """Vehicles that may be swapped need the sum of their times on a charger over the night, rounded up (McNaughton 1959)."""
+    rng = np.random.default_rng(3)
+    for _ in range(12):
+        quarters, power = int(rng.integers(4, 12)), rng.choice([4.0, 11.0], 6)
+        times = rng.integers(0, quarters + 1, 6)
+        rows = [
+            (k, quarters, quarters, min(w, 8.0) * n, 0, 900, w)
+            for k, (w, n) in enumerate(zip(power, times, strict=True))
+        ]
+        assert _least(needs_of(rows), Depot(AT, 8000.0)) == (math.ceil(times.sum() / quarters), [])
+    short = needs_of([(0, 4, 4, 8.0 * 5, 0, 900, 11.0), (1, 4, 4, 8.0, 0, 900, 11.0)])
+    assert _least(short, Depot(AT, 8000.0)) == (2, ["V0"])
+    assert pytest.approx(STEP.total_seconds() / 3600.0 * 900.0) == UNIT_WH
+
+
+def test_more_power_and_milder_nights_never_need_more_chargers(fleet, routes):
+    nights = {
+        name: [[replace(trip, road=60.0) for trip in day] for day in days] for name, days in routes.items()
+    }
+    table = chargers(fleet[2], nights, {"long": "V00000", "short": "V00001"}, TEMPERATE)
+    counts = table["chargers"].to_numpy().reshape(len(NIGHTS), len(POWERS_W))
+    assert (np.diff(counts, axis=1) <= 0).all()
+    assert (np.diff(counts, axis=0) >= 0).all()
+    assert counts.min() == 1
+    assert table["ambient_temperature_degc"].is_monotonic_decreasing
+    assert chargers(fleet[2], routes, {}, TEMPERATE).empty
+
+
+def test_recorded_days_of_a_combustion_vehicle_are_a_route(tmp_path):
+    """Its logs have neither charge nor energy; tracks are read as well."""
+    logs = []
+    for day, trip in ((1, "a"), (1, "b"), (2, "c")):
+        table = drive().samples[["time_s", "speed_m_s"]]
+        started = dt.datetime(2024, 5, day, 8 + (trip == "b"))
+        logs.append(Log.from_samples(trip, table, Context(started_at=started, car="old van")))
+    store = tw.create_store(tmp_path / "s")
+    store.add(logs, car_model="vw_id3")
+    (days,) = read_routes(tmp_path / "s").values()
+    assert [len(day) for day in days] == [2, 1]
+    assert days[0][0].name == "old van"
+    assert days[0][0].road.distance_m == pytest.approx(4800.0, rel=0.02)
+    with pytest.raises(InvalidInput, match="no temperatures"):
+        Climate.read(tmp_path / "s")
+    tracks = tmp_path / "van 7"
+    tracks.mkdir()
+    point = '<trkpt lat="{:.5f}" lon="11.5"><ele>500</ele><time>2026-05-0{}T08:{:02d}:{:02d}Z</time></trkpt>'
+    for day in (1, 2):
+        points = "".join(point.format(48 + k / 3e3, day, k // 30, 2 * k % 60) for k in range(90))
+        (tracks / f"{day}.gpx").write_text(f"<gpx><trk><trkseg>{points}</trkseg></trk></gpx>")
+    driven = read_routes(tracks)
+    assert [len(day) for day in driven["van 7"]] == [1, 1]
+    van = list(library_candidates(["van", "vw_id3"]))
+    assert {"vw_id_buzz", "vw_id3"} <= {candidate.name for candidate in van}
+    assert choices(driven, van, TEMPERATE)["chance"].min() > 0.99
+    (tmp_path / "empty").mkdir()
+    with pytest.raises(InvalidInput):
+        read_routes(tmp_path / "empty")
+
+
+def test_months_are_of_a_table_or_of_the_trips_of_a_store(fleet, tmp_path):
+    file = tmp_path / "climate.csv"
+    months = pd.DataFrame({"month": np.arange(12, 0, -1), "mean_degc": np.arange(12.0), "sd_k": 2.0})
+    months.to_csv(file, index=False)
+    read = Climate.read(file)
+    assert read.mean_degc.tolist() == list(np.arange(11.0, -1.0, -1.0))
+    assert read.air_degc.std(axis=1) == pytest.approx(2.0, rel=0.1)
+    months.iloc[:11].to_csv(file, index=False)
+    with pytest.raises(InvalidInput, match="months are missing"):
+        Climate.read(file)
+    of_trips, trips = Climate.read(fleet[1].place), fleet[1].trips(columns=["started_at"])
+    driven = pd.to_datetime(trips["started_at"]).dt.month.unique() - 1
+    others = np.setdiff1d(np.arange(12), driven)
+    assert of_trips.sd_k[others].mean() > 1.2 * of_trips.sd_k[driven].mean(), "what is unknown is a variance"
+
+
+def test_the_command_chooses_vehicles_and_counts_chargers(fleet, tmp_path):
+    from tripwatt.fleet.registry import Registry
+
+    target, planned = Registry(tmp_path / "models"), tmp_path / "routes.csv"
+    target.promote(target.add(fleet[2]))
+    planned.write_text(PLANNED.replace(",80,", ",8,").replace(",170,", ",25,"))
+    asked = [
+        "fleet",
+        "choose",
+        f"{planned}",
+        "--climate",
+        f"{fleet[1].place}",
+        "--registry",
+        f"{target.folder}",
+    ]
+    out = tmp_path / "choices.csv"
+    done = CliRunner().invoke(app, [*asked, "--car", "van", "--out", f"{out}", "--json"])
+    assert done.exit_code == 0, done.output
+    answer = json.loads(done.stdout)
+    assert sum(row["is_assigned"] for row in answer["choices"]) == 2
+    assert len(answer["choices"]) == len(pd.read_csv(out)) == 2 * (len(fleet[2].vehicles()) + 1)
+    assert {row["chargers"] for row in answer["chargers"]} <= {1, 2}
+    shown = CliRunner().invoke(app, asked).stdout
+    assert "Chargers that are enough" in shown
+    planned.write_text(PLANNED.replace("170", "900"))
+    far = CliRunner().invoke(app, [*asked[:5], "--car", "vw_id3"])
+    assert far.exit_code == 1
+    assert "none" in far.stdout
+    none = CliRunner().invoke(app, asked[:5])
+    assert none.exception.faults[0].what == "no vehicles"
