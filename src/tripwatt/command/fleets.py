@@ -37,6 +37,7 @@ CHOICES = "A library car, a TOML file, or all cars of a body, such as van. Repea
 CLIMATE = "CSV with month, mean_degc, sd_k; or a store, whose trips have temperatures. Default: ROUTES."
 CHOICE = {"route": "{route}", "vehicle": "{vehicle}", "year": "{chance:.0%}", "worst month": "{worst_chance:.0%}", "month": "{worst_month}",
           "charge": "{soc_needed:.0%}", "Wh/year": "{energy_wh:,.0f}", "€/year": "{cost:,.0f}", "smallest": "{smallest}"}  # fmt: skip
+WARRANTY = "What is guaranteed of the batteries' energy, up to which age and distance; a choice."
 WORK = "Folder of finished parts, which every worker reaches. Default: REGISTRY/work."
 
 
@@ -271,7 +272,10 @@ def report(
     ambient: Annotated[float | None, option("DEGC", "Outside temperature of trips that have none.")] = None,
     coldest: Annotated[float | None, option("DEGC", "Temperature in place of the coldest week's.")] = None,
     drivers: Annotated[bool, flag("--drivers", "Compare drivers, too.")] = False,
-    groups: Annotated[Path | None, option("FILE", "CSV: vehicle_id and group, such as the depot.")] = None,
+    groups: Annotated[
+        Path | None, option("FILE", "CSV: vehicle_id, group; new_at if known (first day).")
+    ] = None,
+    warranty: Annotated[tuple[float, float, float], option("SHARE YEARS KM", WARRANTY)] = (0.7, 8, 160_000),
     price: Annotated[float, option("EUR", "Price of a kWh from the plug; 0.30 is a choice.", min=0.0)] = 0.3,
     co2: Annotated[float, option("G", "CO2 of a kWh from the plug; 250 is a choice.", min=0.0)] = 250.0,
     probability: shared.Probability = 0.95,
@@ -293,8 +297,9 @@ def report(
       # and what the trips of tomorrow need
       tripwatt fleet report fleet models --planned tomorrow.csv --plug 11000 --grid 60
     """
+    from tripwatt.fleet.batteries import Warranty
     from tripwatt.fleet.charging import Depot, read_tariff
-    from tripwatt.fleet.nights import read_planned
+    from tripwatt.fleet.nights import parse_time, read_planned
     from tripwatt.fleet.store import read_by_vehicle
     from tripwatt.study.report.fleets import ManagerReport
     from tripwatt.study.report.totals import ReportSettings
@@ -312,7 +317,10 @@ def report(
     rows = _rows(fleet, fleet.place, fleet)
     depot = Depot(at, plug, grid and 1e3 * grid, {} if tariff is None else read_tariff(tariff))
     named = {} if groups is None else read_by_vehicle(groups, "group")
-    asked = ReportSettings(probability, reserve, drivers, coldest, price, co2, named)
+    days = {} if new is None else read_by_vehicle(new, "new_at")
+    new_at = {v: f"{parse_time(day, f'{new}: new_at'):%Y-%m-%d}" for v, day in days.items() if day}
+    batteries = new_at, Warranty(*warranty)
+    asked = ReportSettings(probability, reserve, drivers, coldest, price, co2, named, *batteries)
     result = ManagerReport.of(about, versions.load(), rows, (ahead, depot) if ahead else None, asked)
     document = result.write(folder)
     if drivers and result.drivers is None:

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -133,12 +133,17 @@ def without_trips_before_changes(model: FleetModel, rows: TripRows, changed: pd.
     changed : DataFrame
         Result of `changes`.
     """
-    last = changed[changed["cause"] != BATTERY].groupby("vehicle_id")["since"].max()
-    since = pd.to_datetime(pd.Series(rows.texts("vehicle_id")).map(last)).to_numpy()
+    since = last_changes(rows, changed[changed["cause"] != BATTERY])
     fitted = np.isin(rows.texts("digest"), list(model.digests))
     # a comparison with an unknown time is false
     before = rows.where(fitted & (rows.chronological[1] < since))
     return model.with_sums(model.sums - before.sums) if len(before) else model
+
+
+def last_changes(rows: TripRows, changed: pd.DataFrame) -> Any:
+    """Return the first day of the last change of the vehicle of each trip, shape (rows,); NaT without a change."""
+    last = changed.groupby("vehicle_id")["since"].max()
+    return pd.to_datetime(pd.Series(rows.texts("vehicle_id")).map(last)).to_numpy()
 
 
 def need_notes(changed: pd.DataFrame) -> dict[str, str]:
@@ -158,29 +163,69 @@ def vehicle_series(posterior: GroupPosterior, rows: TripRows) -> Iterator[Vehicl
     if not len(order):
         return
     rows, day = rows.take(order, sort=False), day[order]
-    X, observed = rows.X, rows.numbers("observed_wh")
     causes = {name: np.isin(FEATURES, parts) / SCALES for name, parts in CAUSES.items()}
     amounts = rows.numbers("simulated_wh"), rows.residual_wh, rows.numbers("variance_wh2")
-    trips = rows.groups
-    yield from _series_by_vehicle(posterior, trips, day, X, *amounts, causes)
+    yield from _series_by_vehicle(posterior, rows.groups, day, rows.X, *amounts, causes)
 
-    start, end = rows.numbers("displayed_start"), rows.numbers("displayed_end")
+    display = display_trips(rows)
+    if display is not None:
+        causes = {BATTERY: np.eye(display.X.shape[1])[0]}
+        yield from _series_by_vehicle(*display[:7], causes)
+
+
+class DisplayTrips(NamedTuple):
+    """Trips with logged charge that took some, in the order of time, and the posterior of what the display takes for an energy.
+
+    Attributes
+    ----------
+    posterior : GroupPosterior
+        Weights by car model and vehicle of the terms of `X`: level, cold, years, and level of the charge.
+    groups : list of (str, str)
+        Car model and vehicle.
+    day : ndarray of datetime64[D], shape (trips,)
+    X : ndarray, shape (trips, 4)
+        Displayed charge by each term.
+    usual, residual, variance : ndarray, shape (trips,)
+        Displayed charge that the energy takes with the median trip of the car model, what it took more, and its usual variance.
+    begins : datetime64[D]
+        Day from which the years count.
+    full_wh : mapping of str to float
+        Energy of the full display in the median trip of a car model [Wh].
+    """
+
+    posterior: GroupPosterior
+    groups: Sequence[tuple[str, ...]]
+    day: Any
+    X: FloatArray
+    usual: FloatArray
+    residual: FloatArray
+    variance: FloatArray
+    begins: Any
+    full_wh: Mapping[str, float]
+
+
+def display_trips(rows: TripRows) -> DisplayTrips | None:
+    """Find the trips with logged charge that took some; returns None if there are none."""
+    order, day = rows.chronological
+    trips = rows.take(order, sort=False)
+    start, end, observed = (trips.numbers(n) for n in ("displayed_start", "displayed_end", "observed_wh"))
     read = np.flatnonzero((start - end > 0.0) & (observed > 0.0))
     if not len(read):
-        return
-    groups = [trips[i][:2] for i in read]
-    ratio = pd.Series(observed[read] / (start - end)[read])
-    usual = observed[read] / ratio.groupby([group[0] for group in groups]).transform("median").to_numpy()
-    ambient = rows.numbers("ambient_temperature_degc")[read]
+        return None
+    names, taken, energy_wh = trips.groups, (start - end)[read], observed[read]
+    groups = [names[i][:2] for i in read]
+    ratio = pd.Series(energy_wh / taken).groupby([group[0] for group in groups])
+    usual = energy_wh / ratio.transform("median").to_numpy()
+    ambient = trips.numbers("ambient_temperature_degc")[read]
     cold = np.maximum(WARM_DEGC - np.nan_to_num(ambient, nan=WARM_DEGC), 0.0)
-    years = (day[read] - day[0]) / np.timedelta64(365, "D")
+    begins, day = day[order[0]], day[order][read]
+    years = (day - begins) / np.timedelta64(365, "D")
     terms = np.column_stack([np.ones(len(read)), cold / WARM_DEGC, years, 0.5 * (start + end)[read] - 0.5])
-    X, y, variance = usual[:, None] * terms, (start - end)[read] - usual, _READING_SD**2 + (0.01 * usual) ** 2
+    X, y, variance = usual[:, None] * terms, taken - usual, _READING_SD**2 + (0.01 * usual) ** 2
     by_group = sorted(range(len(read)), key=lambda i: groups[i])
     sums = Sums.from_trips([groups[i] for i in by_group], X[by_group], y[by_group], variance[by_group])
-    display = group_posterior(sums, fit_scales(sums, _DISPLAY_SCALES))
-    causes = {BATTERY: np.eye(terms.shape[1])[0]}
-    yield from _series_by_vehicle(display, groups, day[read], X, usual, y, variance, causes)
+    posterior = group_posterior(sums, fit_scales(sums, _DISPLAY_SCALES))
+    return DisplayTrips(posterior, groups, day, X, usual, y, variance, begins, dict(ratio.median()))
 
 
 def _series_by_vehicle(

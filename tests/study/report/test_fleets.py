@@ -160,7 +160,7 @@ def test_a_folder_has_a_file_for_each_program_and_none_of_an_earlier_report(tmp_
     full = report(night=night_of(needs_of(0.2)), routes=routes, cold=cold)
     document = full.write(tmp_path)
     assert {file.name for file in tmp_path.iterdir()} == set(REPORT_FILES) - {
-        f"{name}.csv" for name in ("drivers", "groups", "months", "schedule")
+        f"{name}.csv" for name in ("drivers", "groups", "months", "schedule", "batteries", "route_ends")
     }
     assert json.loads((tmp_path / "report.json").read_text("utf-8")) == json.loads(json.dumps(document))
     assert json.loads((tmp_path / "emhass.json").read_text("utf-8")) == document["emhass"]
@@ -238,7 +238,11 @@ def test_the_need_of_a_changed_vehicle_is_that_of_its_trips_since_then(fleet):
     assert 1.05 < changed < 1.15
     assert same == pytest.approx(1.0, abs=5e-3)
     assert ["change of +" in reasons for reasons in report.tables["needs"]["reasons"]] == [True, False]
-    assert "v02: the need is that of its trips after its change of +" in report.page()
+    page = report.page()
+    assert "v02: the need is that of its trips after its change of +" in page
+    assert len(report.tables["batteries"]) == 24
+    assert set(report.tables["route_ends"]["vehicle_id"]) == {"v02", "v04"}
+    assert "Until when routes are possible" in page
 
 
 def test_the_page_has_need_and_charge_first_and_links_to_its_files():

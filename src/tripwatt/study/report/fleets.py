@@ -17,6 +17,7 @@ import pandas as pd
 from tripwatt.errors import Fault
 from tripwatt.files import csv_text, shipped_toml, write_text
 from tripwatt.fleet import nights
+from tripwatt.fleet.batteries import battery_table, fades, route_ends
 from tripwatt.fleet.changes import (
     BATTERY,
     FALSE_CHANGES,
@@ -119,6 +120,8 @@ class ManagerReport:
         Needs of the planned trips and their schedule; None without planned trips.
     routes : DataFrame or None
         From `needs_by_car`; None without planned trips.
+    batteries, route_ends : DataFrame or None
+        From the functions `battery_table` and `route_ends`; None without readings of displays.
     cold : Cold or None
         Temperature of the coldest week, or the given temperature.
     refused : tuple of Fault
@@ -135,6 +138,8 @@ class ManagerReport:
     drivers: pd.DataFrame | None = None
     night: Night | None = None
     routes: pd.DataFrame | None = None
+    batteries: pd.DataFrame | None = None
+    route_ends: pd.DataFrame | None = None
     cold: nights.Cold | None = None
     refused: tuple[Fault, ...] = ()
     about: Mapping[str, str] = field(default_factory=dict)
@@ -162,7 +167,9 @@ class ManagerReport:
         changed = changes(model.posterior, rows)
         cold = nights.coldest_week(rows) if asked.coldest_degc is None else nights.Cold(asked.coldest_degc)
         compared = drivers_by_name(model.posterior, rows) if asked.drivers else None
-        night, routes = None, None
+        known = fades(rows, changed)
+        batteries = battery_table(known, rows, asked.warranty, asked.new_at) if known else None
+        night, routes, ends = None, None, None
         refused: list[Fault] = []
         if planned is not None:
             since_changes = without_trips_before_changes(model, rows, changed)
@@ -173,6 +180,10 @@ class ManagerReport:
             night = Night(needs, planned[1], asked.probability)
         if planned is not None and cold is not None:
             routes = nights.needs_by_car(model, planned[0], cold.ambient_temperature_degc, **settings)
+            cars, of_route = model.vehicles(), {row["trip"]: row for row in routes.to_dict("records")}
+            driven = [(trip.vehicle_id, trip.name) for trip in planned[0] if trip.vehicle_id in known]
+            needed = [(vehicle, name, of_route[name][cars[vehicle]]) for vehicle, name in driven]
+            ends = route_ends(known, needed, asked.reserve) if known else None
         return cls(
             probability=asked.probability,
             changes=changed,
@@ -180,6 +191,8 @@ class ManagerReport:
             drivers=None if compared is None or compared.empty else compared,
             night=night,
             routes=routes,
+            batteries=batteries,
+            route_ends=ends,
             cold=cold,
             refused=tuple(refused),
             about=about,

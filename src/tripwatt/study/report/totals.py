@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import pandas as pd
 
+from tripwatt.fleet.batteries import USUAL, Warranty
 from tripwatt.fleet.charging import EFFICIENCY
 from tripwatt.fleet.deviations import deviations
 from tripwatt.fleet.statistics import TripRows
@@ -32,6 +33,9 @@ class ReportSettings:
         CO2 of a kWh from the plug [g]. The default is a choice of the order of European electricity.
     groups : mapping of str to str
         Vehicle -> its group, such as its depot.
+    new_at : mapping of str to str
+        Vehicle -> its first day, such as 2022-05-01.
+    warranty : Warranty
     """
 
     probability: float = 0.95
@@ -41,6 +45,8 @@ class ReportSettings:
     price: float = 0.30
     co2_g: float = 250.0
     groups: Mapping[str, str] = field(default_factory=dict)
+    new_at: Mapping[str, str] = field(default_factory=dict)
+    warranty: Warranty = USUAL
 
 
 def trip_energies(posterior: GroupPosterior, rows: TripRows) -> pd.DataFrame:
