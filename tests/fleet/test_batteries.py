@@ -65,7 +65,6 @@ def test_a_route_ends_in_the_month_in_which_the_battery_is_too_small(fleet_of_a_
     needs = [
         (vehicle, "long", need),
         (vehicle, "short", 0.3),
-        ("unknown", "long", 0.5),
         (vehicle, "far", 1.3),
     ]
     table = route_ends(known, needs, 0.1).set_index("trip")
@@ -79,17 +78,15 @@ def test_a_route_ends_in_the_month_in_which_the_battery_is_too_small(fleet_of_a_
 
 
 def test_more_is_needed_earlier_and_an_unknown_loss_is_not_a_promise():
-    fade = Fade(
-        "v", "m", np.datetime64("2025-01-01"), 1.0, np.array([0.0, 0.03]), np.diag([1e-4, 1e-5]), 50e3
-    )
+    fade = Fade(np.datetime64("2025-01-01"), 1.0, np.array([0.0, 0.03]), np.diag([1e-4, 1e-5]))
     ends = [fade.falls_below(level)["month"] or "9999" for level in (0.7, 0.8, 0.9, 1.2)]
     assert ends == sorted(ends, reverse=True)
     assert ends[-1] == "2026-01"
-    vague = Fade("v", "m", fade.begins, 1.0, np.array([0.0, 0.0]), np.diag([1e-4, 1e-2]), 50e3)
+    vague = Fade(fade.begins, 1.0, np.array([0.0, 0.0]), np.diag([1e-4, 1e-2]))
     falls = vague.falls_below(0.8)
     assert falls["month"] is None
     assert falls["earliest"] is not None
-    steady = Fade("v", "m", fade.begins, 1.0, np.array([0.0, 0.0]), np.diag([1e-6, 1e-8]), 50e3)
+    steady = Fade(fade.begins, 1.0, np.array([0.0, 0.0]), np.diag([1e-6, 1e-8]))
     assert set(steady.falls_below(0.8).values()) == {None}
 
 

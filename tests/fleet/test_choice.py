@@ -24,11 +24,11 @@ from tripwatt.fleet.choice import (
     Climate,
     _chances,
     _day,
-    _least,
     assign,
     chargers,
     choices,
     fleet_candidates,
+    least_chargers,
     library_candidates,
     read_routes,
 )
@@ -137,9 +137,11 @@ def test_the_number_of_chargers_is_the_smallest_with_which_all_are_charged():
             (k, quarters, quarters, min(w, 8.0) * n, 0, 900, w)
             for k, (w, n) in enumerate(zip(power, times, strict=True))
         ]
-        assert _least(needs_of(rows), Depot(AT, 8000.0)) == (math.ceil(times.sum() / quarters), [])
+        stated = least_chargers(needs_of(rows), Depot(AT, 8000.0))
+        assert (stated["chargers"], stated["fails"]) == (math.ceil(times.sum() / quarters), "")
     short = needs_of([(0, 4, 4, 8.0 * 5, 0, 900, 11.0), (1, 4, 4, 8.0, 0, 900, 11.0)])
-    assert _least(short, Depot(AT, 8000.0)) == (2, ["V0"])
+    stated = least_chargers(short, Depot(AT, 8000.0))
+    assert (stated["chargers"], stated["fails"]) == (2, "V0")
     assert pytest.approx(STEP.total_seconds() / 3600.0 * 900.0) == UNIT_WH
 
 

@@ -52,24 +52,23 @@ class Fade:
 
     Attributes
     ----------
-    vehicle_id, car_model : str
     begins : datetime64[D]
         First day of the fleet's trips, from which years count.
     now : float
         Last day of the fleet's trips [years].
     taken, covariance : ndarray, shape (2,) and (2, 2)
         More displayed charge for an energy than usual for the car model at the beginning [1], and its rise a year.
+    car_model : str
     usual_wh : float
         Usual energy of the full display of the car model [Wh].
     """
 
-    vehicle_id: str
-    car_model: str
     begins: np.datetime64
     now: float
     taken: FloatArray
     covariance: FloatArray
-    usual_wh: float
+    car_model: str = ""
+    usual_wh: float = 1.0
 
     def capacity(self, years: Any) -> tuple[Any, Any]:
         """Return the capacity [1] at a time, and its standard deviation; it is linear through the middle of the trips."""
@@ -110,13 +109,12 @@ def fades(rows: TripRows, changed: pd.DataFrame) -> dict[str, Fade]:
     display = display_trips(rows.where(~(rows.chronological[1] < since)))
     if display is None:
         return {}
-    day, estimates = np.sort(rows.chronological[1]), {}
-    begins, now = display.begins, float((day[~np.isnat(day)][-1] - display.begins) / _YEAR)
+    now = float((np.nanmax(rows.chronological[1]) - display.begins) / _YEAR)
+    estimates = {}
     for model, vehicle in sorted(set(display.groups)):
         mean, covariance = display.posterior.weights(model, vehicle)
-        of_years = np.ix_([0, 2], [0, 2])
-        estimate = mean[[0, 2]], covariance[of_years], float(display.full_wh[model])
-        estimates[vehicle] = Fade(vehicle, model, begins, now, *estimate)
+        taken, of_taken = mean[[0, 2]], covariance[np.ix_([0, 2], [0, 2])]
+        estimates[vehicle] = Fade(display.begins, now, taken, of_taken, model, float(display.full_wh[model]))
     return estimates
 
 
@@ -141,17 +139,15 @@ def battery_table(
         warranty's then; `month`, `earliest`, `latest`: when it falls below, from `Fade.falls_below`. The columns from `share` on are unknown for a car model without
         figures.
     """
-    km = pd.Series(rows.numbers("distance_m") / 1000.0).groupby(rows.texts("vehicle_id")).sum()
-    first = pd.Series(rows.chronological[1]).groupby(rows.texts("vehicle_id")).min()
+    trips = pd.DataFrame({"km": rows.numbers("distance_m") / 1000.0, "day": rows.chronological[1]})
+    driven = trips.groupby(rows.texts("vehicle_id")).agg({"km": "sum", "day": "min"})
     table = []
     for vehicle, fade in known.items():
-        capacity, sd = fade.capacity(fade.now)
-        start, begins = (
-            (np.datetime64(day, "D") - fade.begins) / _YEAR
-            for day in (new_at.get(vehicle, first[vehicle]), first[vehicle])
-        )
-        per_year = km[vehicle] / max(fade.now - begins, 1.0 / 12.0)
-        until = start + min(warranty.years, warranty.km / max(per_year, 1.0))
+        (capacity, sd), first = fade.capacity(fade.now), driven["day"][vehicle]
+        days = np.array([first, new_at.get(vehicle, first)], "datetime64[D]")
+        begins, start = ((days - fade.begins) / _YEAR).tolist()
+        per_year = max(float(driven["km"][vehicle]), 1.0) / max(fade.now - begins, 1.0 / 12.0)
+        until = start + min(warranty.years, warranty.km / per_year)
         new = _new_wh(fade.car_model) / fade.usual_wh
         level, level_sd = warranty.share * new, warranty.share * new * CAPACITY_SD
         table.append({
@@ -192,15 +188,13 @@ def route_ends(
         The first routes first: `vehicle_id`, `trip`; `soc_needed` with the vehicle's battery at the end of the trips; `month`, `earliest`,
         `latest`: when a full battery is no longer enough, from `Fade.falls_below`.
     """
-    table = [
-        {
+    table = []
+    for vehicle, trip, need in dict.fromkeys(needs):
+        fade, taken = known[vehicle], need - reserve
+        row = {
             "vehicle_id": vehicle,
             "trip": trip,
-            "soc_needed": reserve + (need - reserve) / known[vehicle].capacity(known[vehicle].now)[0],
-            **known[vehicle].falls_below((need - reserve) / (1.0 - reserve)),
+            "soc_needed": reserve + taken / fade.capacity(fade.now)[0],
         }
-        for vehicle, trip, need in dict.fromkeys(needs)
-        if vehicle in known
-    ]
-    columns = ["vehicle_id", "trip", "soc_needed", "month", "earliest", "latest"]
-    return pd.DataFrame(table, columns=columns).sort_values("month", kind="stable", ignore_index=True)
+        table.append(row | fade.falls_below(taken / (1.0 - reserve)))
+    return pd.DataFrame(table).sort_values("month", kind="stable", ignore_index=True)

@@ -6,12 +6,10 @@ of its trips is forecast at some temperatures, between which energy and charge a
 
 from __future__ import annotations
 
-import bisect
 import datetime as dt
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
-from functools import partial
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
@@ -118,14 +116,14 @@ class Candidate:
     is_owned : bool
         Whether it is one vehicle of the fleet, which can drive one route only.
     weights, covariance : ndarray, shape (features,) and (features, features)
-        Weights of the vehicle minus those of its car model, and the same of their covariance.
+        Weights of the vehicle minus those of its car model, and the same of their covariance; 0 for a car that is not of the fleet.
     """
 
     name: str
     model: ForecastModel
     is_owned: bool = False
-    weights: FloatArray = field(default_factory=partial(np.zeros, len(FEATURES)))
-    covariance: FloatArray = field(default_factory=partial(np.zeros, (len(FEATURES),) * 2))
+    weights: FloatArray | float = 0.0
+    covariance: FloatArray | float = 0.0
 
     def amounts(self, taken: FloatArray) -> FloatArray:
         """Add the deviation of the vehicle to what its car model takes, from `_day` with the shape (days, temperatures, ...).
@@ -137,8 +135,9 @@ class Candidate:
         """
         energy_wh, soc, sd_wh, sd = np.moveaxis(taken[..., :4], -1, 0)
         x, (_, uncertainty) = taken[..., 5:], self.model.fitted_parts("choices")
-        ratio = 1.0 + x @ self.weights / energy_wh
-        more = np.einsum("...p,pq,...q", x, self.covariance, x) * uncertainty.scale.values[3] ** 2
+        ratio = 1.0 + (x * self.weights).sum(axis=-1) / energy_wh
+        more = (x[..., None] * self.covariance * x[..., None, :]).sum(axis=(-2, -1))
+        more *= uncertainty.scale.values[3] ** 2
         wider = np.sqrt(np.maximum(1.0 + more / sd_wh**2, 0.01))
         return np.stack([energy_wh * ratio, soc * ratio, sd * wider])
 
@@ -148,21 +147,16 @@ def fleet_candidates(fleet: FleetModel) -> Iterator[Candidate]:
     vehicles = sorted(fleet.vehicles().items())
     models = {name: fleet.of_vehicle(None, car_model=name) for name in dict(vehicles).values()}
     for vehicle, name in vehicles:
-        (own, covariance), (usual, usual_covariance) = (
-            fleet.posterior.weights(name, v, None) for v in (vehicle, None)
-        )
-        yield Candidate(vehicle, models[name], True, own - usual, covariance - usual_covariance)
+        own, usual = (fleet.posterior.weights(name, each) for each in (vehicle, None))
+        yield Candidate(vehicle, models[name], True, own[0] - usual[0], own[1] - usual[1])
 
 
 def library_candidates(names: Sequence[str]) -> Iterator[Candidate]:
     """Yield cars of the library, of TOML files, and of a kind of body, such as "van", by the model that comes with the package."""
     for name in names:
-        of_body = [car for car in table_names() if _body(car) == name] if name in BODIES else [name]
+        bodies = ((car, cell.value) for car in table_names() for cell in catalogue()[car].get("body", ()))
+        of_body = [car for car, body in bodies if body == name] if name in BODIES else [name]
         yield from (Candidate(car, for_car(None, load_car(car))) for car in of_body)
-
-
-def _body(car: str) -> str | None:
-    return next((cell.value for cell in catalogue()[car].get("body", ())), None)
 
 
 def read_routes(place: Path | str) -> Routes:
@@ -328,17 +322,12 @@ def assign(chance: FloatArray, cost: FloatArray) -> tuple[IntArray, IntArray]:
     >>> assign(np.array([[0.99, 0.9], [0.95, 0.1]]), np.ones((2, 2)))[1].tolist()
     [1, 0]
     """
-    chance = np.round(chance, 3)
-    levels = np.unique(chance)
-
-    def is_missed(level: float) -> bool:
+    chance, (rows, columns) = np.round(chance, 3), linear_sum_assignment(cost)
+    for level in np.unique(chance)[::-1]:
         below = chance < level
-        return bool(below[linear_sum_assignment(below)].any())
-
-    best = (
-        levels[max(bisect.bisect_left(levels.tolist(), True, key=is_missed) - 1, 0)] if len(levels) else 0.0
-    )
-    rows, columns = linear_sum_assignment(np.where(chance < best, cost.sum() + 1.0, cost))
+        rows, columns = linear_sum_assignment(np.where(below, cost.sum() + 1.0, cost))
+        if not below[rows, columns].any():
+            break
     return rows, columns
 
 
@@ -366,8 +355,9 @@ def chargers(
         `charger_w`; `chargers`, the least number with which no departure lacks more than with a charger for each vehicle; and `fails`, the
         vehicles that lack energy even then.
     """
-    rows, days = [], [(vehicles[name], of_route[0]) for name, of_route in routes.items() if name in vehicles]
+    days = [(vehicles[name], of_route[0]) for name, of_route in routes.items() if name in vehicles]
     first = min((trip.departs_at.date() for _, day in days for trip in day), default=dt.date.min)
+    table: list[dict[str, Any]] = []
     for share in NIGHTS if days else ():
         degc = float(np.quantile(climate.air_degc, 1.0 - share))
         night = [
@@ -376,22 +366,21 @@ def chargers(
             for vehicle, day in days for trip in day
         ]  # fmt: skip
         needs = needs_by_hour(fleet, night, probability=probability, reserve=reserve)
-        for charger_w in POWERS_W:
-            count, fails = _least(needs, Depot(needs["departs_at"].min() - _BEFORE, charger_w))
-            rows.append((share, degc, charger_w, count, ", ".join(fails)))
-    names = ["nights", "ambient_temperature_degc", "charger_w", "chargers", "fails"]
-    return pd.DataFrame(rows, columns=names)
+        known = {"nights": share, "ambient_temperature_degc": degc}
+        depots = (Depot(needs["departs_at"].min() - _BEFORE, charger_w) for charger_w in POWERS_W)
+        table += [known | least_chargers(needs, depot) for depot in depots]
+    return pd.DataFrame(table)
 
 
-def _least(needs: pd.DataFrame, depot: Depot) -> tuple[int, list[str]]:
-    """Return the least number of chargers, and the vehicles that lack energy with a charger each.
+def least_chargers(needs: pd.DataFrame, depot: Depot) -> dict[str, Any]:
+    """Return `charger_w`, `chargers` and `fails`, as `chargers` has them, for the needs of a night.
 
     The energies of a vehicle are scaled so that it takes the full power of a charger: the lowest peak of the schedule is then the number of
     chargers in use.
     """
     scale = depot.charger_w / depot.windows(needs)["power_w"]
     scaled = needs[["charge_wh", "energy_wh", "wh_per_soc"]].mul(scale, axis=0)
-    scaled = needs.assign(**scaled, **dict.fromkeys(POWERS, depot.charger_w))
-    plan = schedule(scaled, depot)
-    fails = needs["vehicle_id"][plan.missing_wh > 0.0].unique().tolist()
-    return math.ceil(plan.peak_w / depot.charger_w - 1e-6), fails
+    plan = schedule(needs.assign(**scaled, **dict.fromkeys(POWERS, depot.charger_w)), depot)
+    count = math.ceil(plan.peak_w / depot.charger_w - 1e-6)
+    fails = ", ".join(needs["vehicle_id"][plan.missing_wh > 0.0].unique())
+    return {"charger_w": depot.charger_w, "chargers": count, "fails": fails}

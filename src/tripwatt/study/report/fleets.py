@@ -183,7 +183,7 @@ class ManagerReport:
             cars, of_route = model.vehicles(), {row["trip"]: row for row in routes.to_dict("records")}
             driven = [(trip.vehicle_id, trip.name) for trip in planned[0] if trip.vehicle_id in known]
             needed = [(vehicle, name, of_route[name][cars[vehicle]]) for vehicle, name in driven]
-            ends = route_ends(known, needed, asked.reserve) if known else None
+            ends = route_ends(known, needed, asked.reserve) if needed else None
         return cls(
             probability=asked.probability,
             changes=changed,
