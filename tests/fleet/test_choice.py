@@ -72,6 +72,20 @@ def test_more_battery_never_lowers_a_chance_and_colder_weather_never_raises_it(r
     assert not mild["is_assigned"].any()
 
 
+def test_a_year_of_one_temperature_is_the_forecast_at_it(routes):
+    (candidate,) = batteries(170.0)
+    table = choices(
+        routes, [candidate], Climate(np.full(12, -7.0), np.zeros(12)), probability=0.9, reserve=0.2
+    )
+    (trip,) = routes["short"][0]
+    forecast = trip.forecast(candidate.model, tw.Departure(ambient_temperature_degc=-7.0))
+    row = table.set_index("route").loc["short"]
+    soc = forecast.along.soc(0.9)
+    assert row["soc_needed"] == pytest.approx(0.2 + soc[0] - soc[-1], rel=0.01)
+    assert row["energy_wh"] == pytest.approx(250.0 * forecast.energy_wh, rel=1e-3)
+    assert row["cost"] == pytest.approx(0.3 * row["energy_wh"] / 900.0)
+
+
 def test_the_smallest_battery_is_the_first_that_serves_in_the_worst_month(routes):
     table = choices(routes, batteries(150.0, 400.0, 200.0), TEMPERATE, probability=0.95)
     for _, rows in table.groupby("route"):
@@ -99,7 +113,9 @@ def test_a_vehicle_of_the_fleet_takes_what_its_own_model_forecasts(fleet, routes
     known = tw.Departure(ambient_temperature_degc=-5.0)
     own = trip.forecast(model.of_vehicle(candidate.name), known)
     usual = trip.forecast(candidate.model, known)
-    energy_wh, soc, sd = candidate.amounts(_day(candidate.model, [trip], np.array([-5.0]))[None])[:, 0, 0]
+    energy_wh, soc, sd = candidate.amounts(_day(candidate.model, [trip], np.array([-5.0]), 0.95)[None])[
+        :, 0, 0
+    ]
     assert abs(own.energy_wh / usual.energy_wh - 1.0) > 0.01, "the vehicle differs from its car model"
     assert energy_wh == pytest.approx(own.quantile(0.5), rel=0.002)
     charge = own.along.soc(0.5), own.along.soc(0.95)

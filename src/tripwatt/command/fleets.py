@@ -232,9 +232,7 @@ def batch(
     registry: RegistryFolder,
     trips: Annotated[Path, argument("TRIPS.parquet", "One row a link; see docs/howto/fleet.md.")],
     out: shared.OutFile = Path("forecasts.parquet"),
-    quantile: Annotated[
-        list[float] | None, option("Q", "Quantile, repeatable. Default: 0.05, 0.5, 0.95.")
-    ] = None,
+    quantile: Annotated[list[float] | None, option("Q", "Repeatable. Default: 0.05, 0.5, 0.95.")] = None,
     reserve: shared.Reserve = 0.1,
 ) -> Answer:
     """Forecast many planned trips with the version in use, Parquet in and Parquet out.
@@ -272,9 +270,7 @@ def report(
     ambient: Annotated[float | None, option("DEGC", "Outside temperature of trips that have none.")] = None,
     coldest: Annotated[float | None, option("DEGC", "Temperature in place of the coldest week's.")] = None,
     drivers: Annotated[bool, flag("--drivers", "Compare drivers, too.")] = False,
-    groups: Annotated[
-        Path | None, option("FILE", "CSV: vehicle_id, group; new_at if known (first day).")
-    ] = None,
+    groups: Annotated[Path | None, option("FILE", "CSV: vehicle_id, group, and first day new_at.")] = None,
     warranty: Annotated[tuple[float, float, float], option("SHARE YEARS KM", WARRANTY)] = (0.7, 8, 160_000),
     price: Annotated[float, option("EUR", "Price of a kWh from the plug; 0.30 is a choice.", min=0.0)] = 0.3,
     co2: Annotated[float, option("G", "CO2 of a kWh from the plug; 250 is a choice.", min=0.0)] = 250.0,
@@ -351,9 +347,7 @@ def choose(
     price: Annotated[float, option("EUR", "Price of a kWh from the plug; 0.30 is a choice.", min=0.0)] = 0.3,
     probability: shared.Probability = 0.95,
     reserve: shared.Reserve = 0.1,
-    out: Annotated[
-        Path | None, option("FILE", "Write every route and vehicle as CSV.", "--out", "-o")
-    ] = None,
+    out: Annotated[Path | None, option("FILE", "Every route and vehicle, CSV.", "--out", "-o")] = None,
 ) -> Answer:
     """Choose a vehicle for each route over a year of weather, and count the chargers.
 
@@ -377,9 +371,7 @@ def choose(
     candidates = [*choice.library_candidates(car or [])]
     candidates += [] if fleet is None else choice.fleet_candidates(fleet)
     if not candidates:
-        raise InvalidInput.of(
-            "no vehicles", "--registry, --car", "neither", "a registry or a car", "--car van"
-        )
+        raise InvalidInput.of("no vehicles", "--registry, --car", "neither", "one of them", "--car van")
     of_year, driven = choice.Climate.read(climate or routes), choice.read_routes(routes)
     asked = {"probability": probability, "reserve": reserve}
     table = choice.choices(driven, candidates, of_year, **asked, days=days, price=price)
@@ -419,9 +411,7 @@ def evaluate(
     store: Store,
     workers: Workers,
     out: shared.OutFile = Path("fleet.html"),
-    work: Annotated[Path, option("FOLDER", "Folder of finished parts, for all workers.")] = Path(
-        "fleet.work"
-    ),
+    work: Annotated[Path, option("FOLDER", "Folder of finished parts.")] = Path("fleet.work"),
 ) -> Answer:
     """Score the linear model of a fleet on later trips, new vehicles and new car models, and write one HTML page.
 

@@ -48,8 +48,8 @@ _AIRS: Final = 15
 of twice as many."""
 _MAX_DAYS: Final = 20
 """Largest number of days of a route that are forecast, spread evenly: a choice, because their mean chance is then certain to some points."""
-_LEVEL: Final = 0.95
-"""Level of the quantile from which a standard deviation is computed."""
+_SD_LEVEL: Final = 0.9
+"""Least level of the quantile from which a standard deviation is computed, as for the needs of a night."""
 _BEFORE: Final = dt.timedelta(hours=12)
 """Time before the first departure at which charging begins: a choice, a night."""
 
@@ -241,10 +241,13 @@ def choices(
         `assign`, with the chances of the worst month; `smallest`: car model with the smallest battery that serves the route, NaN if none does.
     """
     air_degc = climate.air_degc
-    degc = np.linspace(air_degc.min(), air_degc.max(), _NODES)
+    degc = np.linspace(air_degc.min() - 0.1, air_degc.max() + 0.1, _NODES)  # also without any spread
     models, rows = {id(c.model): c.model for c in candidates}, []
+    level = max(probability, _SD_LEVEL)
     for route, trips in routes.items():
-        taken = {key: np.array([_day(model, day, degc) for day in trips]) for key, model in models.items()}
+        taken = {
+            key: np.array([_day(model, day, degc, level) for day in trips]) for key, model in models.items()
+        }
         for c in candidates:
             of_model = taken[id(c.model)]
             year_wh, soc, sd = make_interp_spline(degc, c.amounts(of_model), k=1, axis=-1)(air_degc)
@@ -262,10 +265,10 @@ def choices(
     return table.assign(is_assigned=table.index.isin(chosen))
 
 
-def _day(model: ForecastModel, trips: Sequence[PlannedTrip], degc: FloatArray) -> FloatArray:
+def _day(model: ForecastModel, trips: Sequence[PlannedTrip], degc: FloatArray, level: float) -> FloatArray:
     """Return what the trips of a day take at each temperature, shape (temperatures, 5 + features).
 
-    Median of the energy [Wh] and of the displayed charge, their standard deviations, the energy of a full battery as displayed [Wh], and
+    Median of the energy [Wh] and of the displayed charge, their standard deviations from the quantile `level`, the energy of a full battery as displayed [Wh], and
     the energies by feature [Wh].
     """
     rows = []
@@ -273,8 +276,8 @@ def _day(model: ForecastModel, trips: Sequence[PlannedTrip], degc: FloatArray) -
         sums = np.zeros(5 + len(FEATURES))
         for trip in trips:
             forecast = trip.forecast(model, _in_air(trip.departure, at))
-            energy, charge, _ = trip_quantiles(forecast, (0.5, _LEVEL))
-            spread = [np.diff(values)[0] / ndtri(_LEVEL) for values in (energy, charge)]
+            energy, charge, _ = trip_quantiles(forecast, (0.5, level))
+            spread = [np.diff(values)[0] / ndtri(level) for values in (energy, charge)]
             sums += [energy[0], charge[0], *spread, 0.0, *trip_features(forecast.drive.table)[0]]
             sums[4] = forecast.charge.wh_per_display
         rows.append(sums)
