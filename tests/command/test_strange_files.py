@@ -30,9 +30,14 @@ EARLIER = (
     "too few trips",
     "times of departure are missing",
     "missing package: pyvalhalla",
+    "no vehicles",
 )
 """What ends a command before it comes to the file: here are no map, no fleet and no trips, and perhaps no Valhalla to build a map with."""
-WITH = {"stations": ("--map", "nowhere"), "store add data": ("--car", "nissan_leaf_24")}
+WITH = {
+    "stations": ("--map", "nowhere"),
+    "store add data": ("--car", "nissan_leaf_24"),
+    **dict.fromkeys(("fleet choose routes", "fleet choose climate"), ("--car", "vw_id3")),
+}
 """Options without which another one is not read."""
 OTHERS = {
     "paths": "trip.csv",
