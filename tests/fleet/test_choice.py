@@ -205,6 +205,21 @@ def test_recorded_days_of_a_combustion_vehicle_are_a_route(tmp_path):
         read_routes(tmp_path / "empty")
 
 
+def test_the_days_of_a_route_that_are_forecast_are_spread_over_its_distances(tmp_path):
+    rng = np.random.default_rng(5)
+    km = rng.lognormal(3.5, 0.6, 300)
+    rows = [("V", "r", dt.date(2026, 1, 1) + dt.timedelta(k), one) for k, one in enumerate(km)]
+    table = pd.DataFrame(rows, columns=["vehicle_id", "trip", "departs_at", "distance_km"])
+    table.to_csv(tmp_path / "days.csv", index=False)
+    (days,) = read_routes(tmp_path / "days.csv").values()
+    chosen = np.sort([trip.road for (trip,) in days])
+    assert len(chosen) == 12
+    share = np.searchsorted(np.sort(km), chosen) / len(km)
+    assert share == pytest.approx((np.arange(12) + 0.5) / 12.0, abs=0.01)
+    table[:5].to_csv(tmp_path / "few.csv", index=False)
+    assert len(read_routes(tmp_path / "few.csv")["r"]) == 5
+
+
 def test_months_are_of_a_table_or_of_the_trips_of_a_store(fleet, tmp_path):
     file = tmp_path / "climate.csv"
     months = pd.DataFrame({"month": np.arange(12, 0, -1), "mean_degc": np.arange(12.0), "sd_k": 2.0})

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import datetime as dt
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final, NamedTuple
@@ -46,8 +46,8 @@ _NODES: Final = 7
 _AIRS: Final = 15
 """Temperatures at which trips are forecast, and temperatures of a month: choices, with which chances differ by less than a point from those
 of twice as many."""
-_MAX_DAYS: Final = 20
-"""Largest number of days of a route that are forecast, spread evenly: a choice, because their mean chance is then certain to some points."""
+_MAX_DAYS: Final = 12
+"""Largest number of days of a route that are forecast, one of each twelfth of the days by distance: a choice, because forecasts take long."""
 _SD_LEVEL: Final = 0.9
 """Least level of the quantile from which a standard deviation is computed, as for the needs of a night."""
 _BEFORE: Final = dt.timedelta(hours=12)
@@ -185,13 +185,18 @@ def read_routes(place: Path | str) -> Routes:
         raise InvalidInput.of("no trips", f"{place}", "none", "planned trips, tracks or a store with trips")
     days = by_key(trips, lambda trip: (trip.name, trip.departs_at.date(), trip.vehicle_id))
     routes = by_key(sorted(days), lambda day: day[0])
-    return {name: [days[day] for day in _spread(of_route)] for name, of_route in routes.items()}
+    return {name: _spread([days[day] for day in of_route], _length_m) for name, of_route in routes.items()}
 
 
-def _spread(items: Sequence[Any]) -> list[Any]:
-    """Return at most `_MAX_DAYS` items, evenly spread."""
-    chosen = np.unique(np.linspace(0, len(items) - 1, _MAX_DAYS).round().astype(int))
-    return [items[i] for i in chosen]
+def _spread(days: Sequence[Any], length_m: Callable[[Any], float]) -> list[Any]:
+    """Return at most `_MAX_DAYS` days, evenly spread over their lengths."""
+    chosen = np.unique(((np.arange(_MAX_DAYS) + 0.5) * len(days) / _MAX_DAYS).astype(int))
+    ordered = sorted(range(len(days)), key=lambda i: length_m(days[i]))
+    return [days[i] for i in sorted(ordered[k] for k in chosen)]
+
+
+def _length_m(day: Sequence[PlannedTrip]) -> float:
+    return sum(trip.road.distance_m if isinstance(trip.road, Plan) else 1000.0 * trip.road for trip in day)
 
 
 def _stored(store: TripStore) -> Iterator[PlannedTrip]:
@@ -199,7 +204,8 @@ def _stored(store: TripStore) -> Iterator[PlannedTrip]:
     rows = by_key(store.trip_rows(), lambda row: row["vehicle_id"])
     for vehicle, of_vehicle in rows.items():
         days = by_key(enumerate(of_vehicle), lambda item: f"{item[1]['started_at'] or item[0]}"[:10])
-        chosen = [row for day in _spread(list(days.values())) for _, row in day]
+        spread = _spread([*days.values()], lambda day: sum(row["distance_m"] or 0.0 for _, row in day))
+        chosen = [row for day in spread for _, row in day]
         trips = (trip for log in store.logs(chosen) for trip in audit([log]).trips or (log,))
         yield from (_recorded(vehicle, k, Plan.from_trip(trip)) for k, trip in enumerate(trips))
 
@@ -343,7 +349,7 @@ def chargers(
 ) -> pd.DataFrame:  # fmt: skip
     """Count the chargers that the vehicles of routes need, by power and share of the nights of a year.
 
-    In a night, each vehicle charges what the first day of its route takes, so that it leaves with enough with `probability`: it comes back
+    In a night, each vehicle charges what the longest day of its route takes, so that it leaves with enough with `probability`: it comes back
     with the reserve. A charger charges one vehicle after the other, as `schedule` plans it, from `_BEFORE` the first departure on.
 
     Parameters
@@ -362,7 +368,7 @@ def chargers(
         `charger_w`; `chargers`, the least number with which no departure lacks more than with a charger for each vehicle; and `fails`, the
         vehicles that lack energy even then.
     """
-    days = [(vehicles[name], of_route[0]) for name, of_route in routes.items() if name in vehicles]
+    days = [(vehicles[name], max(of, key=_length_m)) for name, of in routes.items() if name in vehicles]
     first = min((trip.departs_at.date() for _, day in days for trip in day), default=dt.date.min)
     table: list[dict[str, Any]] = []
     for share in NIGHTS if days else ():
