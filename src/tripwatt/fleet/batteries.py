@@ -191,10 +191,7 @@ def route_ends(
     table = []
     for vehicle, trip, need in dict.fromkeys(needs):
         fade, taken = known[vehicle], need - reserve
-        row = {
-            "vehicle_id": vehicle,
-            "trip": trip,
-            "soc_needed": reserve + taken / fade.capacity(fade.now)[0],
-        }
+        soc_needed = reserve + taken / fade.capacity(fade.now)[0]
+        row = {"vehicle_id": vehicle, "trip": trip, "soc_needed": soc_needed}
         table.append(row | fade.falls_below(taken / (1.0 - reserve)))
     return pd.DataFrame(table).sort_values("month", kind="stable", ignore_index=True)

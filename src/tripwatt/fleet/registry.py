@@ -35,17 +35,8 @@ from tripwatt.fleet.storage import load_fleet, save_fleet
 _BOOTSTRAP_DRAWS: Final = 2000
 """A choice, because the bounds of a 95 % interval then vary by about a fiftieth of its width."""
 REPORT_TABLES: Final = (
-    "changes",
-    "vehicles",
-    "groups",
-    "months",
-    "drivers",
-    "needs",
-    "routes",
-    "schedule",
-    "batteries",
-    "route_ends",
-)
+    "changes", "vehicles", "groups", "months", "drivers", "needs", "routes", "schedule", "batteries", "route_ends",
+)  # fmt: skip
 REPORT_FILES: Final = (
     "report.html", "report.json", *(f"{name}.csv" for name in REPORT_TABLES), "emhass.json", "evcc.txt",
 )  # fmt: skip
