@@ -74,6 +74,8 @@ def test_a_route_ends_in_the_month_in_which_the_battery_is_too_small(fleet_of_a_
     assert long["earliest"] <= long["month"] <= long["latest"]
     assert table["month"].isna().tolist() == [False, False, True], "the first to end is first"
     assert table.loc["far", "month"] == fade.month(fade.now), "what is not possible now ends now"
+    unknown = route_ends(known, [(vehicle, "r", np.nan)], 0.1)
+    assert unknown[["soc_needed", "month", "latest"]].isna().all(axis=None)
     assert long["soc_needed"] == pytest.approx(0.1 + taken_wh / (full_wh[vehicle] * (1.0 - LOSS)), abs=0.02)
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import hashlib
 import json
+import math
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -180,9 +181,9 @@ class ManagerReport:
             night = Night(needs, planned[1], asked.probability)
         if planned is not None and cold is not None:
             routes = nights.needs_by_car(model, planned[0], cold.ambient_temperature_degc, **settings)
-            cars, of_route = model.vehicles(), {row["trip"]: row for row in routes.to_dict("records")}
+            of_route = {row["trip"]: row for row in routes.to_dict("records")}
             driven = [(trip.vehicle_id, trip.name) for trip in planned[0] if trip.vehicle_id in known]
-            needed = [(vehicle, name, of_route[name][cars[vehicle]]) for vehicle, name in driven]
+            needed = [(car, name, of_route[name].get(known[car].car_model, math.nan)) for car, name in driven]
             ends = route_ends(known, needed, asked.reserve) if needed else None
         return cls(
             probability=asked.probability,
