@@ -542,15 +542,20 @@ def test_who_reaches_no_station_is_told_not_to_set_out_and_then_what_to_do(page:
     page.unroute("**/v1/map/view**")
 
 
-def test_who_has_just_what_is_needed_is_told_so(page: Any) -> None:
+@pytest.mark.parametrize(
+    ("spare", "told"), [(0.0, ". Do not leave with less."), (0.04, ", with little to spare.")]
+)
+def test_who_has_just_what_is_needed_is_told_so(page: Any, spare: float, told: str) -> None:
+    """No one is told not to leave with less where less is enough."""
+
     def just_enough(route: Any) -> None:
         answer = route.fetch().json()
-        answer["soc_needed"] = answer["roads"][0]["forecast"]["series"]["displayed_soc"][0]
+        answer["soc_needed"] = answer["roads"][0]["forecast"]["series"]["displayed_soc"][0] - spare
         route.fulfill(json=answer)
 
     page.route("**/v1/journeys", just_enough)
     whole_answer(page, lambda: page.get_by_role("slider", name="Battery at departure").fill("83"))
-    page.get_by_text("83\u00a0% is enough. Do not leave with less.").wait_for()
+    page.get_by_text(f"83\u00a0% is enough{told}").wait_for()
     page.unroute("**/v1/journeys")
 
 

@@ -121,7 +121,8 @@ const de: Text = {
     plan: "Planen",
     leaveWith: (soc, expected, reserve) =>
       `Mit ${soc} oder mehr losfahren: Ankunft mit etwa ${expected}, bei 19 von 20 Fahrten mindestens ${reserve}.`,
-    justEnough: (soc) => `${soc} reichen. Weniger wäre zu knapp.`,
+    justEnough: (soc, spares) =>
+      `${soc} reichen${spares ? ", viel Spielraum bleibt nicht" : ". Weniger wäre zu knapp"}.`,
     leaveWithout: (soc) => `Oder mit ${soc} losfahren und ohne Ladestopp ankommen.`,
     notEnough: "Auch eine volle Batterie reicht nicht: Laden Sie unterwegs.",
     anyCharge: (reserve) => `Jeder Ladestand reicht: bei 19 von 20 Fahrten bleiben mindestens ${reserve}.`,

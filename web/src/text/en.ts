@@ -116,7 +116,8 @@ export const en = {
     plan: "Plan",
     leaveWith: (soc: string, expected: string, reserve: string) =>
       `Leave with ${soc} or more: about ${expected} on arrival, at least ${reserve} in 19 of 20 trips.`,
-    justEnough: (soc: string) => `${soc} is enough. Do not leave with less.`,
+    justEnough: (soc: string, spares: boolean) =>
+      `${soc} is enough${spares ? ", with little to spare" : ". Do not leave with less"}.`,
     leaveWithout: (soc: string) => `Or leave with ${soc} and drive without a stop.`,
     notEnough: "Even a full battery is not enough: charge on the way.",
     anyCharge: (reserve: string) => `Any charge is enough to arrive with ${reserve} in 19 of 20 trips.`,

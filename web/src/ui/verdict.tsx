@@ -221,8 +221,8 @@ function leaveText(needed: number, of: Forecast): string {
   if (needed > 1) return words.notEnough;
   if (needed <= 0) return words.anyCharge(left);
   if (isStuck.value) return words.chargeFirst(upwards(needed));
-  const isClose = upwards(needed) === upwards(now) || (needed < now && now - needed < FEW_SOC);
-  if (isClose) return words.justEnough(upwards(now));
+  const isAll = upwards(needed) === upwards(now);
+  if (isAll || (needed < now && now - needed < FEW_SOC)) return words.justEnough(upwards(now), !isAll);
   const expected = shown(Math.max(needed - now + socFromEnergy(of, of.energy_wh), 0), PERCENT);
   return words.leaveWith(upwards(needed), expected, left);
 }
