@@ -126,7 +126,8 @@ const de: Text = {
     leaveWithout: (soc) => `Oder mit ${soc} losfahren und ohne Ladestopp ankommen.`,
     notEnough: "Auch eine volle Batterie reicht nicht: Laden Sie unterwegs.",
     anyCharge: (reserve) => `Jeder Ladestand reicht: bei 19 von 20 Fahrten bleiben mindestens ${reserve}.`,
-    chargeFirst: (soc) => `Laden Sie vor der Abfahrt auf ${soc} oder mehr.`,
+    chargeFirst: (soc, isLow) =>
+      `Wenn Sie hier laden können: auf ${soc} oder mehr vor der Abfahrt.${isLow ? " Sonst rufen Sie Hilfe." : ""}`,
     noStations: "Diese Karte hat keine Ladestationen.",
     noStopHelps: "Es wurde kein Ladestopp gefunden, mit dem Sie ankommen.",
     best: (action, chance) =>

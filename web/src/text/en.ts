@@ -121,7 +121,8 @@ export const en = {
     leaveWithout: (soc: string) => `Or leave with ${soc} and drive without a stop.`,
     notEnough: "Even a full battery is not enough: charge on the way.",
     anyCharge: (reserve: string) => `Any charge is enough to arrive with ${reserve} in 19 of 20 trips.`,
-    chargeFirst: (soc: string) => `Charge to ${soc} or more before you set out.`,
+    chargeFirst: (soc: string, isLow: boolean) =>
+      `If you can charge here: to ${soc} or more before you set out.${isLow ? " Otherwise call for help." : ""}`,
     noStations: "This map has no charging stations.",
     noStopHelps: "No charging stop was found with which you arrive.",
     best: (action: string, chance: string) =>

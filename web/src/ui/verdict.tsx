@@ -212,7 +212,7 @@ function Headline({ of, now }: { of: Forecast; now: Answer }) {
 }
 
 /** The charge to leave with in words, rounded up, with what is then expected on arrival. */
-function leaveText(needed: number, of: Forecast): string {
+function leaveText(needed: number, of: Forecast, isLow: boolean): string {
   const { shown } = format.value;
   const { journey: words } = text.value;
   const left = shown(requested.value.at.reserve, PERCENT);
@@ -220,7 +220,7 @@ function leaveText(needed: number, of: Forecast): string {
   if (chargingPlan.value) return words.leaveWithout(upwards(needed));
   if (needed > 1) return words.notEnough;
   if (needed <= 0) return words.anyCharge(left);
-  if (isStuck.value) return words.chargeFirst(upwards(needed));
+  if (isStuck.value) return words.chargeFirst(upwards(needed), isLow);
   const isAll = upwards(needed) === upwards(now);
   if (isAll || (needed < now && now - needed < FEW_SOC)) return words.justEnough(upwards(now), !isAll);
   const expected = shown(Math.max(needed - now + socFromEnergy(of, of.energy_wh), 0), PERCENT);
@@ -340,14 +340,14 @@ function ToDo({ of }: { of: Forecast }) {
   const { journey: words } = text.value;
   const { reserve, soc, departsAt } = conditions.value;
   const isLow = departsAt === null && soc < Math.max(reserve, LOW_SOC);
-  const leaves = needed !== undefined && (!plan || (needed <= 1 && !isLow));
+  const leaves = needed !== undefined && (!plan || (needed <= 1 && !isLow)) && !(isStuck.value && needed > 1);
   const back = turn.value;
   const { shown } = format.value;
   const helps = advice.value?.singly.filter(({ whole }) => isStuck.value && whole && whole.charges > 0) ?? [];
   const [best] = helps.sort((one, other) => other.p_arrive - one.p_arrive);
   const texts = [
-    leaves && !(isStuck.value && needed > 1) && leaveText(needed, of),
-    isStuck.value && isLow && words.callHelp,
+    leaves && leaveText(needed, of, isLow),
+    isStuck.value && isLow && !leaves && words.callHelp,
     isStuck.value && trip.value?.stops?.[0] && <NoStop from={trip.value.stops[0]} />,
     best?.whole && words.best(togetherText(best), chanceInFigures(best.whole.p_reserve)),
     needed !== undefined &&
