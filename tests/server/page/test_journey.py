@@ -531,9 +531,7 @@ def test_who_reaches_no_station_is_told_not_to_set_out_and_then_what_to_do(page:
     assert page.locator(".verdict :is(.number, .whole)").count() == 0
     page.locator(".todo:not(.old) li", has_text="The nearest charging station is").wait_for()
     todo = [words.replace("\u00a0", " ") for words in page.locator(".todo li").all_inner_texts()]
-    assert (
-        todo[0] == "If you can charge here: to 30 % or more before you set out. Otherwise call for help."
-    )
+    assert todo[0] == "If you can charge here: to 30 % or more before you set out. Otherwise call for help."
     told = "No charging stop was .* charging station is Nah, 8.[0-9] km away in a straight line."
     assert re.fullmatch(told, todo[1])
     assert page.locator(".todo a").get_attribute("href") == "geo:47,9.11"

@@ -177,6 +177,8 @@ def test_who_leaves_with_what_the_page_shows_arrives_in_19_of_20_trips(look: Loo
             found = answered(page, lambda: now.fill(str(soc)), **conditions, soc=soc / 100)  # noqa: B023
             assert (found["p_arrive_by_soc"][f"{reserve / 100:g}"] >= 0.95) == (verdict == "good")
             page.locator(f".chance-{verdict}").wait_for()
+            chance = page.locator(".chance .figures").inner_text().strip(" ·")
+            assert f"is kept in {chance}." in page.locator(".outcomes").inner_text()
         # whatever charge the plan has
         leave.get_by_text(re.compile(f"^((Leave|Leaving) with )?{needed}\u00a0%")).first.wait_for()
 

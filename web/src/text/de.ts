@@ -538,8 +538,7 @@ const de: Text = {
   },
   arrival: {
     dots: (dots) => `Jeder Punkt ist einer von ${dots} gleich wahrscheinlichen Ausgängen.`,
-    kept: (kept, dots, reserve) => `Bei ${kept} von ${dots} Ausgängen bleibt die Reserve von ${reserve}`,
-    exact: (chance) => `; genauer: ${chance}`,
+    kept: (reserve, chance) => `Die Reserve von ${reserve} bleibt bei ${chance}.`,
   },
   drive: {
     start: "Start",

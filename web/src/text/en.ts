@@ -533,9 +533,7 @@ export const en = {
   },
   arrival: {
     dots: (dots: number) => `Each dot is one of ${dots} equally likely outcomes.`,
-    kept: (kept: number, dots: number, reserve: string) =>
-      `${kept} of ${dots} equally likely outcomes keep the reserve of ${reserve}`,
-    exact: (chance: string) => `; precisely, ${chance}`,
+    kept: (reserve: string, chance: string) => `The reserve of ${reserve} is kept in ${chance}.`,
   },
   drive: {
     start: "Start",

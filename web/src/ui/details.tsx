@@ -1,6 +1,6 @@
 import type { Forecast } from "../api/documents";
 import { ArrivalChart } from "../charts/arrival";
-import { chanceAtAll, chanceOf, DOTS, equallyLikely } from "../model/arrival";
+import { chanceAtAll, chanceOf, DOTS } from "../model/arrival";
 import { PERCENT } from "../model/units";
 import { chargingPlan } from "../state/answer";
 import { source } from "../state/catalogue";
@@ -14,10 +14,10 @@ import { chanceInFigures } from "./wording";
 
 function ArrivalDots({ of, shared, name }: { of: Forecast; shared: Forecast[]; name: string }) {
   const { reserve } = requested.value.at;
-  const kept = equallyLikely(of).filter((soc) => soc >= reserve).length;
   const chance = chanceOf(of, reserve);
   const { arrival } = text.value;
-  const sentence = arrival.kept(kept, DOTS, format.value.shown(reserve, PERCENT));
+  const sentence =
+    chance === null ? "" : arrival.kept(format.value.shown(reserve, PERCENT), chanceInFigures(chance));
   const isOther = of !== shared[0];
   return (
     <>
@@ -31,9 +31,7 @@ function ArrivalDots({ of, shared, name }: { of: Forecast; shared: Forecast[]; n
         label={sentence}
       />
       <p class="outcomes">
-        {sentence}
-        {chance !== null && arrival.exact(chanceInFigures(chance))}.{" "}
-        {reserve > 0 && `${text.value.chance.atAll(chanceInFigures(chanceAtAll(of)))}.`}
+        {sentence} {reserve > 0 && `${text.value.chance.atAll(chanceInFigures(chanceAtAll(of)))}.`}
       </p>
     </>
   );
