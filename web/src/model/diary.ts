@@ -1,6 +1,6 @@
 /** How good the forecasts of a car's trips were, and what makes their ranges wide. */
 
-import type { DiaryEntry, OwnCar } from "../api/documents";
+import type { DiaryEntry, OwnCarSummary } from "../api/documents";
 
 /** Most trips of one figure, as the service has it for the last ones. */
 const MOST = 20;
@@ -54,6 +54,6 @@ export function reasonsOf(
 }
 
 /** Whether the last trips were forecast better with what the car had learned than without. */
-export function isBetter({ latest, latest_by_book: book }: OwnCar): boolean {
+export function isBetter({ latest, latest_by_book: book }: OwnCarSummary): boolean {
   return (latest.weighted_error ?? 1) < (book.weighted_error ?? 0);
 }

@@ -731,6 +731,7 @@ const de: Text = {
       `${count(trips, { one: "# davon hat", other: "# davon haben" })} keine Höhen: Schalten Sie für bessere Prognosen die Höhe in der App ein, die aufzeichnet.`,
     nothingYet: "Noch keine eigenen Fahrten: Prognosen aus veröffentlichten Werten.",
     learnedFrom: each({ one: "Aus # Fahrt gelernt", other: "Aus # Fahrten gelernt" }),
+    noGain: "Sie verbessern die Prognose noch nicht; fügen Sie längere hinzu.",
     taught: "Was seine Fahrten zeigen",
     factor: "Faktor",
     differs: "Gegenüber dem Katalogfahrzeug",

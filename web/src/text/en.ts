@@ -731,6 +731,7 @@ export const en = {
       `${count(trips, { one: "# of them has", other: "# of them have" })} no heights: switch on the altitude in the logging app for better forecasts.`,
     nothingYet: "No own trips yet: forecasts from published values.",
     learnedFrom: each({ one: "Learned from # trip", other: "Learned from # trips" }),
+    noGain: "They do not improve the forecast yet; add longer trips.",
     taught: "What its trips show",
     factor: "Factor",
     differs: "Compared with the catalogue car",

@@ -5,6 +5,7 @@ import { useEffect, useState } from "preact/hooks";
 import type { ChargingPlan, Forecast, Place, Station, Stop } from "../api/documents";
 import { type Answer, BELOW, decisiveChance, isDoubtful, verdictOfAnswer } from "../model/answer";
 import { emptyAfterM, socFromEnergy, type Verdict } from "../model/arrival";
+import { isBetter } from "../model/diary";
 import { warningsOf } from "../model/flags";
 import { HERE_M } from "../model/stations";
 import { ENERGY, PERCENT } from "../model/units";
@@ -372,7 +373,7 @@ function HowSure({ of, now }: { of: Forecast; now: Answer }) {
   const chance = decisiveChance(now);
   const isOpen = chance > OPEN[0] && chance < OPEN[1];
   const wording = { text: text.value, format: format.value, units: units.value };
-  const { verdict: words, result } = text.value;
+  const { verdict: words, result, ownCars: ownWords } = text.value;
   const ofRoad = of.flags.filter(({ code }) => !chargingPlan.value || code !== EMPTY);
   const flags = [...ofRoad, ...(journey.value?.flags ?? [])];
   const count = warningsOf(flags, wording).length;
@@ -388,7 +389,8 @@ function HowSure({ of, now }: { of: Forecast; now: Answer }) {
         </summary>
         <p class="given">
           {planned ? result.givenPlanned : result.givenDriven} <Climb of={of} />{" "}
-          {own && `${text.value.ownCars.learnedFrom(own.in_diary)}.`}
+          {own && `${ownWords.learnedFrom(own.in_diary)}.`}
+          {own && own.in_diary > 0 && !isBetter(own) && ` ${ownWords.noGain}`}
         </p>
         <Warnings flags={flags} others={others} serious={isOpen ? false : null} />
       </details>

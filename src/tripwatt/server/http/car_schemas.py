@@ -258,6 +258,10 @@ class CarSummary(ResponseModel):
     trips: int
     """logs in its store"""
     in_diary: int
+    latest: ScoreDocument
+    """of the last trips"""
+    latest_by_book: ScoreDocument
+    """the same by the published values of the car"""
     left_out: dict[str, str]
     """trips that did not enter the diary -> why"""
     has_token: bool
@@ -271,10 +275,6 @@ class CarResponse(CarSummary):
     experts: dict[str, float]
     """how much each kind of model counts, by its forecasts so far; empty before the first trip"""
     score: ScoreDocument
-    latest: ScoreDocument
-    """of the last trips"""
-    latest_by_book: ScoreDocument
-    """the same by the published values of the car"""
     by_temperature: dict[str, ScoreDocument]
     by_season: dict[str, SeasonDocument]
     by_cause_wh: dict[str, float]
