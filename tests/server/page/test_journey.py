@@ -419,7 +419,9 @@ def test_verdict_list_and_chart_speak_of_the_journey_with_its_charging_stop(page
     assert causes.last.locator(".value").inner_text() == total
     headed = page.locator(".choices").inner_text()
     assert [headed.count(title) for title in ("Charging stops", "Charging plans", "Routes")] == [1, 0, 1]
-    plans = page.get_by_role("group", name="Charging plans").get_by_role("radio")
+    group = page.get_by_role("group", name="Charging plans")
+    assert group.inner_text().count("reserve: 97 of 100 trips") == 2
+    plans = group.get_by_role("radio")
     plans.first.focus()
     page.keyboard.press("ArrowRight")
     page.wait_for_function("() => document.querySelector('.verdict .number').innerText.startsWith('59')")

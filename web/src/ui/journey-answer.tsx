@@ -100,13 +100,14 @@ function Plans({ plans }: { plans: ChargingPlan[] }) {
   const times = plans.map(({ duration_s }) => duration_s);
   const energies = plans.map(({ energy_wh }) => energy_wh);
   const options = plans.map(
-    ({ label, stops }, k) =>
+    ({ label, stops, p_reserve }, k) =>
       [
         k,
         <>
           <b>{names[label] ?? label}</b>
           <small>
-            {words.stops(stops.length)} · {figuresText(times, energies, k)}
+            {words.stops(stops.length)} · {figuresText(times, energies, k)} ·{" "}
+            {text.value.result.glanceReserve(chanceInFigures(p_reserve))}
           </small>
         </>,
       ] as const,
