@@ -439,12 +439,12 @@ def test_who_charges_at_the_start_drives_nowhere_first_and_a_doubtful_charge_is_
         answer = route.fetch().json()
         if route.request.post_data_json.get("answers") is not False:
             whole = charging(answer, "best effort", 0.45, 12.0)
-            whole["stops"] = [whole["stops"][0] | {"position_m": 150.0, "if_full": None}]
+            whole["stops"] = [whole["stops"][0] | {"position_m": away, "if_full": None}]
             answer["charging"] = whole | ({} if below else {"p_arrive": 0.81, "p_reserve": 0.81})
             answer["verdict"]["reason"] = "leaves_below_reserve" if below else "to_a_stop"
         route.fulfill(json=answer)
 
-    below = False
+    below, away = False, 150.0
 
     page.route("**/v1/journeys", beside_the_start)
     whole_answer(page, lambda: page.get_by_role("slider", name="Battery at departure").fill("11"))
@@ -461,6 +461,15 @@ def test_who_charges_at_the_start_drives_nowhere_first_and_a_doubtful_charge_is_
     whole_answer(page, lambda: page.get_by_role("slider", name="Battery at departure").fill("8"))
     page.get_by_role("heading", name="Charge here first, then you will arrive").wait_for()
     assert page.locator(".todo ~ .headline").count() == 1
+    here = page.locator(".todo:not(.old) li", has_text="Halbweg").inner_text()
+    assert "150\u00a0kW." in here
+    assert "You get there" not in here
+    away = 900.0
+    whole_answer(page, lambda: page.get_by_role("slider", name="Battery at departure").fill("7"))
+    there = page.locator(".todo:not(.old) li", has_text="You get there in 98 of 100 trips, with 11 to 15")
+    there.wait_for()
+    assert there.inner_text().count("150\u00a0kW") == 1
+    assert "you arrive there" not in page.locator(".stops").inner_text()  # once is enough
     assert "The reserve counts only from the first" in page.locator(".verdict .reason").inner_text()
     page.unroute("**/v1/journeys")
 

@@ -162,7 +162,7 @@ const de: Text = {
     here: "Sie sind hier",
     arriveThere: (range) => `Ankunft dort mit ${range}`,
     reached: (chance) => `mit der Reserve bei ${chance}`,
-    reachedAtAll: (chance) => `Sie erreichen sie bei ${chance}`,
+    reachedAtAll: (chance, range) => `Sie kommen dort bei ${chance} an, mit ${range}.`,
     only: (soc) => `nur ${soc}`,
     preheat: "Batterie auf dem Weg dorthin vorwärmen",
     plugs: { type2_combo: "CCS", chademo: "CHAdeMO", type2: "Typ 2", type2_cable: "Typ 2" },
@@ -769,8 +769,7 @@ const de: Text = {
       near_32: "Verbrauch um 32 °C",
     },
     errorOfLast: each({ one: "Fehler der letzten Fahrt", other: "Fehler der letzten # Fahrten" }),
-    withoutTrips: (error, helps) =>
-      `${error} ohne eigene Fahrten${helps ? "" : ": diese Fahrten verbessern die Prognose noch nicht, fügen Sie längere hinzu"}`,
+    withoutTrips: (error, gain) => `${error} ohne eigene Fahrten. ${gain}`,
     errorBefore: (trips, now, before, falls) =>
       `Die letzten ${trips}: ${now}, die ${trips} davor: ${before}. Der Fehler sinkt${falls ? "" : " nicht"}.`,
     whyWide: "Warum der Bereich breit ist und was hilft",

@@ -157,7 +157,7 @@ export const en = {
     here: "you are here",
     arriveThere: (range: string) => `you arrive there with ${range}`,
     reached: (chance: string) => `with the reserve in ${chance}`,
-    reachedAtAll: (chance: string) => `you get there in ${chance}`,
+    reachedAtAll: (chance: string, range: string) => `You get there in ${chance}, with ${range}.`,
     only: (soc: string) => `only ${soc}`,
     preheat: "warm up the battery on the way there",
     plugs: { type2_combo: "CCS", chademo: "CHAdeMO", type2: "Type 2", type2_cable: "Type 2" },
@@ -769,8 +769,7 @@ export const en = {
       near_32: "consumption around 32 °C",
     },
     errorOfLast: each({ one: "Error of the last trip", other: "Error of the last # trips" }),
-    withoutTrips: (error: string, helps: boolean) =>
-      `${error} without its own trips${helps ? "" : ": these trips do not improve the forecast yet, add longer ones"}`,
+    withoutTrips: (error: string, gain: string) => `${error} without its own trips. ${gain}`,
     errorBefore: (trips: number, now: string, before: string, falls: boolean) =>
       `The last ${trips}: ${now}, the ${trips} before: ${before}. The error ${falls ? "falls" : "does not fall"}.`,
     whyWide: "Why the range is wide, and what helps",

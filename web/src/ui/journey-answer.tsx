@@ -2,7 +2,7 @@ import type { ChargingPlan, Journey, Road, Stop } from "../api/documents";
 import { hundredthsOf, verdictOf } from "../model/arrival";
 import { BELOW } from "../model/answer";
 import { HERE_M } from "../model/stations";
-import { ENERGY, PERCENT, POWER } from "../model/units";
+import { ENERGY, PERCENT } from "../model/units";
 import { chargingPlan, clock, isOfOtherPlaces } from "../state/answer";
 import { chooseRoad, requested } from "../state/forecast";
 import { answersAreOld, chargingPlans, chosenCharging, chosenRoad, journey } from "../state/journey";
@@ -11,7 +11,7 @@ import { trip } from "../state/trip";
 import { Choice } from "./choice";
 import { into } from "./parts";
 import { StationActions } from "./station-panel";
-import { chanceInFigures, clockText, rangeWithUnit, upwards } from "./wording";
+import { chanceInFigures, chargerParts, clockText, rangeWithUnit, upwards } from "./wording";
 
 /** Smaller differences between roads are none. */
 const MIN_SHOWN_S = 30;
@@ -123,24 +123,19 @@ function Plans({ plans }: { plans: ChargingPlan[] }) {
   );
 }
 
-function StopRow({ of, isFirst }: { of: Stop; isFirst: boolean }) {
+function StopRow({ of, isTold }: { of: Stop; isTold: boolean }) {
   const { journey: words } = text.value;
   const { duration, shown, span } = format.value;
   const { reserve } = requested.value.at;
-  const reached = isFirst && journey.value?.verdict.reason === BELOW ? words.reachedAtAll : words.reached;
   const { station, if_full: full } = of;
   const at = clock.value;
-  const known = station.power_known ? "" : ` (${text.value.map.assumed})`;
-  const names: Record<string, string> = words.plugs;
-  const plug = station.plug in names ? ` · ${names[station.plug]}` : "";
-  const power = station.power_w > 0 ? `${plug} · ${shown(station.power_w, POWER)}${known}` : plug;
   const after = at && new Date(at.leaves.getTime() + of.arrives_after_s * 1000);
   return (
     <li>
       <h4>
         {station.name || words.unnamedStation}
         <span class="figures">
-          {power}
+          {chargerParts(station).map((part) => ` · ${part}`)}
           {` · ${shown(of.position_m, units.value.distance, 0)}`}
           {after && ` · ${clockText(after, at.leaves)}`}
         </span>
@@ -150,10 +145,10 @@ function StopRow({ of, isFirst }: { of: Stop; isFirst: boolean }) {
           {words.chargeFor(shown(of.soc_arrival, PERCENT), shown(of.soc_leave, PERCENT), span(of.charging_s))}
         </b>
         <span class="figures">
-          {" · "}
           {of.position_m < HERE_M
-            ? words.here
-            : `${words.arriveThere(rangeWithUnit(of.soc_interval, PERCENT))} · ${reached(chanceInFigures(of.p_reach))}`}
+            ? ` · ${words.here}`
+            : !isTold &&
+              ` · ${words.arriveThere(rangeWithUnit(of.soc_interval, PERCENT))} · ${words.reached(chanceInFigures(of.p_reach))}`}
           {of.preheat && ` · ${words.preheat}`}
           {of.needed_below <= of.soc_interval[1] && ` · ${words.neededBelow(upwards(of.needed_below))}`}
         </span>
@@ -190,7 +185,7 @@ export function JourneyAnswer() {
       {plan && (
         <ol class="stops">
           {plan.stops.map((stop, k) => (
-            <StopRow key={stop.position_m} of={stop} isFirst={k === 0} />
+            <StopRow key={stop.position_m} of={stop} isTold={k === 0 && of.verdict.reason === BELOW} />
           ))}
         </ol>
       )}

@@ -244,6 +244,7 @@ function Line({ of: { course } }: { of: Trend }) {
 function Gain({ of }: { of: OwnCar }) {
   const { latest, latest_by_book: book, diary } = of;
   const { ownCars: words } = text.value;
+  const gain = isBetter(of) ? "" : words.noGain;
   const trend = trendOf(diary);
   const { trips, before, latest: now } = trend;
   if (latest.weighted_error === null) return null;
@@ -255,7 +256,7 @@ function Gain({ of }: { of: OwnCar }) {
           {format.value.figure(PERCENT.from(latest.weighted_error), 1)}
           <small>{PERCENT.unit}</small>
         </span>
-        <span class="range">{words.withoutTrips(percent(book.weighted_error), isBetter(of))}</span>
+        <span class="range">{words.withoutTrips(percent(book.weighted_error), gain)}</span>
       </p>
       {trend.course.length > 1 && <Line of={trend} />}
       {before !== null && now !== null && (

@@ -51,10 +51,8 @@ export function StationActions({ of }: { of: Station }) {
 /** The station that is chosen on the map or in the list, with what can be done. */
 export function StationPanel({ of, known }: { of: Station; known: readonly Station[] }) {
   const { map: words, journey } = text.value;
-  const network = networkOf(
-    of.name,
-    known.map(({ name }) => name),
-  );
+  const names = known.map(({ name }) => name);
+  const network = networkOf(of.name, names);
   const isWanted = isPreferred(of.name, choice.value.networks);
   return (
     <div class="station" role="status">

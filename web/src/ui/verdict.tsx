@@ -45,7 +45,7 @@ import { NeedAnswer, needSentence, needVerdict } from "./need";
 import { Button, put, Stat } from "./parts";
 import { ShareTools } from "./share";
 import { Warnings } from "./warnings";
-import { chanceInFigures, clockParts, range, rangeWithUnit, upwards } from "./wording";
+import { chanceInFigures, chargerParts, clockParts, range, rangeWithUnit, upwards } from "./wording";
 
 /** Chances between these are an open question. */
 const OPEN = [0.05, 0.95] as const;
@@ -279,9 +279,15 @@ function Stops({ of: { stops, duration_s } }: { of: ChargingPlan }) {
   const { duration } = format.value;
   const fewer = plans.find((plan) => plan.stops.length < stops.length);
   if (!first) return null;
+  const charger = chargerParts(first.station).join(", ");
+  const isRescue = reasonOfJourney() === BELOW;
   return (
     <li>
       <StopText of={first} fromM={0} />
+      {isRescue &&
+        first.position_m >= HERE_M &&
+        ` ${words.reachedAtAll(chanceInFigures(first.p_reach), rangeWithUnit(first.soc_interval, PERCENT))}`}
+      {isRescue && charger && ` ${charger}.`}
       {!first.if_full && ` ${words.noOther}`}
       {others.length > 0 && (
         <details>

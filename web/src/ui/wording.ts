@@ -1,8 +1,9 @@
 /** Phrases used in several parts of the page. */
 
+import type { Station } from "../api/documents";
 import { hundredthsOf } from "../model/arrival";
 import { daysBetween } from "../model/clock";
-import { PERCENT, type Quantity } from "../model/units";
+import { PERCENT, POWER, type Quantity } from "../model/units";
 import { format, text, units } from "../state/preferences";
 import type { Trip } from "../state/trip";
 
@@ -40,6 +41,13 @@ export function tripTitle(trip: Trip): string {
     return `${far}, ${text.value.distanceForm.kinds[kind]}`;
   }
   return trip.title || text.value.trip.plannedRoute;
+}
+
+/** Plug and power of a charging station, as far as they are known. */
+export function chargerParts({ plug, power_w, power_known }: Station): string[] {
+  const names: Record<string, string> = text.value.journey.plugs;
+  const assumed = power_known ? "" : ` (${text.value.map.assumed})`;
+  return [names[plug] ?? "", power_w > 0 ? format.value.shown(power_w, POWER) + assumed : ""].filter(Boolean);
 }
 
 /** A clock time, and its day where that is not the day of `from`. */
