@@ -2,6 +2,7 @@
 
 import { computed } from "@preact/signals";
 import type uPlot from "uplot";
+import { interpolate } from "../model/interpolate";
 import { shownProfile } from "../state/drive";
 import { positionM } from "../state/position";
 import { units } from "../state/preferences";
@@ -10,15 +11,25 @@ import { pointerCursor } from "./marks";
 import { type ChartOptions, type Look, Plot } from "./plot";
 
 const MIN_HEIGHT_RANGE_M = 60;
+/** The chart has so many points; the speed is the mean over `WINDOW` of them: single stops would fill the chart. */
+const [POINTS, WINDOW] = [100, 8];
 
 const data = computed<uPlot.AlignedData>(() => {
   const now = shownProfile.value;
   if (!now) return [[], [], []];
   const { distance, speed, height } = units.value;
+  const stepM = (now.distanceM.at(-1) ?? 0) / POINTS;
+  const ends = Array.from({ length: POINTS + 1 }, (_, k) => k * stepM);
+  const along = (column: Float64Array) => ends.map((x) => interpolate(x, now.distanceM, column));
+  const times = along(now.timeS);
+  const means = times.map((_, k) => {
+    const first = Math.min(Math.max(k - WINDOW / 2, 0), POINTS - WINDOW);
+    return (WINDOW * stepM) / ((times[first + WINDOW] as number) - (times[first] as number));
+  });
   return [
-    now.distanceM.map(distance.from),
-    now.speedMS.map(speed.from),
-    now.elevationM ? now.elevationM.map(height.from) : Array.from(now.distanceM, () => null),
+    ends.map(distance.from),
+    means.map(speed.from),
+    now.elevationM ? along(now.elevationM).map(height.from) : ends.map(() => null),
   ];
 });
 

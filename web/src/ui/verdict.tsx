@@ -276,7 +276,6 @@ function Stops({ of: { stops, duration_s } }: { of: ChargingPlan }) {
   const [first, ...others] = stops;
   const { journey: words } = text.value;
   const plans = chargingPlans.value;
-  const { duration } = format.value;
   const fewer = plans.find((plan) => plan.stops.length < stops.length);
   if (!first) return null;
   const charger = chargerParts(first.station).join(", ");
@@ -307,7 +306,7 @@ function Stops({ of: { stops, duration_s } }: { of: ChargingPlan }) {
           onClick={put(chosenCharging, plans.indexOf(fewer))}
           label={words.fewer(
             words.stops(fewer.stops.length),
-            words.longer(duration(fewer.duration_s - duration_s)),
+            words.longer(format.value.duration(fewer.duration_s - duration_s)),
           )}
         />
       )}
