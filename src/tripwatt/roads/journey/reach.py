@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from operator import itemgetter
 from typing import Any, Final
 
 import numpy as np
 
-from tripwatt.arrays import FloatArray
 from tripwatt.errors import InvalidInput, RemoteError
 from tripwatt.forecasting import Forecast
 from tripwatt.forecasting.along import first_empty
@@ -136,11 +137,9 @@ def reach_along(
     """Return the area of reach on roads that lead away from a place, given the forecast of each road."""
     outlines, ends = {}, False
     for level in LEVELS:
-        corners = []
-        for road, forecast in zip(roads, forecasts, strict=True):
-            share = reached_share(forecast, level, reserve)
-            ends = ends or share >= 1.0
-            corners.append(road.place_at(share * road.distance_m))
+        shares = [reached_share(forecast, level, reserve) for forecast in forecasts]
+        ends = ends or max(shares) >= 1.0
+        corners = [road.place_at(k * road.distance_m) for k, road in zip(shares, roads, strict=True)]
         outlines[level] = _farthest_in_each_direction(start, corners)
     return Reach(start, outlines, ends, attribution)
 
@@ -157,7 +156,7 @@ def reached_share(forecast: Forecast, level: float, reserve: float) -> float:
     return 1.0 if reached_m is None else reached_m / float(distance[-1])
 
 
-def _choose_targets(forecaster: RoadForecaster, start: Place, atlas: Atlas) -> list[Place]:
+def _choose_targets(forecaster: RoadForecaster, start: Place, atlas: Atlas) -> tuple[Place, ...]:
     """Choose a place in each direction that the isochrone has, farther than the charge carries or at the end of the map."""
     soc = forecaster.departure.soc if forecaster.departure.soc is not None else 0.8
     battery = forecaster.model.vehicle.battery
@@ -169,31 +168,18 @@ def _choose_targets(forecaster: RoadForecaster, start: Place, atlas: Atlas) -> l
         farthest_m = min(farthest_m, max(start.distance_m(corner) for corner in corners))
     minutes = farthest_m / _SLOW_ROAD_M_S / 60.0
     outline = atlas.router.outline(start, min(minutes, LONGEST_CONTOUR_MIN))
-    bearings = np.arange(_DIRECTIONS) * 360.0 / _DIRECTIONS
     if not outline:
-        return [start.moved(float(bearing), farthest_m) for bearing in bearings]
-    bearing_deg, distance_m = _bearings_and_distances(start, outline)
-    targets: list[Place] = []
-    for bearing in bearings:
-        near = np.flatnonzero(np.abs((bearing_deg - bearing + 180.0) % 360.0 - 180.0) <= 180.0 / _DIRECTIONS)
-        if len(near):
-            targets.append(outline[int(near[np.argmax(distance_m[near])])])
-    return targets
+        return tuple(start.moved(k * 360.0 / _DIRECTIONS, farthest_m) for k in range(_DIRECTIONS))
+    return _farthest_in_each_direction(start, outline)
 
 
-def _bearings_and_distances(start: Place, places: tuple[Place, ...]) -> tuple[FloatArray, FloatArray]:
-    """Return the direction [°] and distance [m] of places from a start."""
-    ways = [np.array([(p.latitude_deg, p.longitude_deg) for p in (start, place)]).T for place in places]
-    bearings = np.array([bearings_deg(*way)[0] for way in ways])
-    return bearings, np.array([start.distance_m(place) for place in places])
-
-
-def _farthest_in_each_direction(start: Place, corners: list[Place]) -> tuple[Place, ...]:
-    """Return the farthest corner in each direction, in the order of the directions."""
-    bearing_deg, distance_m = _bearings_and_distances(start, tuple(corners))
-    farthest: dict[int, int] = {}
-    for k in range(len(corners)):
-        sector = round(bearing_deg[k] / 360.0 * _DIRECTIONS) % _DIRECTIONS
-        if sector not in farthest or distance_m[k] > distance_m[farthest[sector]]:
-            farthest[sector] = k
-    return tuple(corners[k] for k in sorted(farthest.values(), key=lambda k: bearing_deg[k]))
+def _farthest_in_each_direction(start: Place, places: Sequence[Place]) -> tuple[Place, ...]:
+    """Return the farthest place in each direction, in the order of the directions."""
+    farthest: dict[int, tuple[float, float, Place]] = {}
+    for place in places:
+        way = np.array([(p.latitude_deg, p.longitude_deg) for p in (start, place)]).T
+        distance_m, bearing_deg = start.distance_m(place), float(bearings_deg(*way)[0])
+        sector = round(bearing_deg / 360.0 * _DIRECTIONS) % _DIRECTIONS
+        if sector not in farthest or distance_m > farthest[sector][1]:
+            farthest[sector] = bearing_deg, distance_m, place
+    return tuple(place for _, _, place in sorted(farthest.values(), key=itemgetter(0)))
