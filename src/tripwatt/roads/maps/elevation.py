@@ -24,7 +24,7 @@ import numpy.typing as npt
 
 from tripwatt.arrays import FloatArray
 from tripwatt.containers import Budget, open_archive
-from tripwatt.errors import Fault, InvalidInput, raise_faults, require_extras
+from tripwatt.errors import Check, InvalidInput, require_extras
 from tripwatt.files import read_file
 
 ROWS: Final = 3601
@@ -123,21 +123,15 @@ class Elevation:
         cells = sorted(self.packed) if bounds_deg is None else needed(bounds_deg)
         credits: dict[str, None] = {}
         missing: list[str] = []
-        faults: list[Fault] = []
-        for cell in cells:
-            try:
-                heights = self._heights(cell, credits)
-            except InvalidInput as error:
-                faults += error.faults
-                continue
-            if heights is None:
-                missing.append(tile_name(cell))
-                continue
-            place = folder / tile_name(cell)[:3]
-            place.mkdir(parents=True, exist_ok=True)
-            whole = np.where(np.isnan(heights), VOID, np.rint(heights)).astype(">i2")
-            whole.tofile(place / f"{tile_name(cell)}.hgt")
-        raise_faults(dict.fromkeys(faults))
+        with Check() as check:
+            for cell in cells:
+                name, heights = tile_name(cell), check(self._heights, cell, credits)
+                if heights is None:
+                    missing.append(name)
+                    continue
+                (folder / name[:3]).mkdir(parents=True, exist_ok=True)
+                whole = np.where(np.isnan(heights), VOID, np.rint(heights)).astype(">i2")
+                whole.tofile(folder / name[:3] / f"{name}.hgt")
         tiles = len(cells) - len(missing)
         return {"known": tiles > 0, "source": "; ".join(credits), "tiles": tiles, "missing": missing}
 
