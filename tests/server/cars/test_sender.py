@@ -197,7 +197,8 @@ def test_what_a_standing_car_sent_outlives_the_messages_that_are_erased(folder: 
         car.record(Sample(NOON_S - 1.0, {"displayed_soc": 0.69}), now_s=NOON_S - 0.5)
         for k in range(2000):
             car.record(Sample(NOON_S + k, {"speed_m_s": 0.0}), now_s=NOON_S + k + 0.5)
-        before = [sample.time_s for sample in car._needed_samples]
+        needed = (*car._finder.before, *car._ordered.waiting, *car._sender.held)
+        before = [sample.time_s for sample in needed]
         assert len(car.file.messages()) < 1500
     with Car.follow(folder) as car:
         assert [s.time_s for s in (*car._finder.before, *car._ordered.waiting)][-len(before) :] == before
