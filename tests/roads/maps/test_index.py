@@ -95,10 +95,17 @@ def test_the_settlement_of_an_object(tmp_path):
 
 
 def test_a_settlement_is_near_up_to_a_bound(tmp_path):
-    objects = [Named("poi", "On", 0.3, 0.0), Named("poi", "Beyond", 0.3001, 0.0)]
+    objects = [Named("poi", "On", 0.2967, 0.0), Named("poi", "Beyond", 0.2968, 0.0)]  # 33 km are 0.29678°
     made = written(tmp_path, objects, [Named("town", "Stadt", 0.0, 0.0)])
     assert names(made.search("on")) == ["On, Stadt"]
     assert names(made.search("beyond")) == ["Beyond"]
+
+
+@pytest.mark.parametrize("longitude", [0.0, 170.0, -180.0])
+def test_the_nearest_settlement_is_the_same_at_any_longitude(tmp_path, longitude):
+    towns = [Named("town", "North", 60.2, longitude), Named("town", "East", 60.0, longitude + 0.35)]
+    made = written(tmp_path, [Named("poi", "Hut", 60.0, longitude)], towns)
+    assert names(made.search("hut")) == ["Hut, East"]
 
 
 def test_an_index_is_read_by_several_threads(tmp_path):

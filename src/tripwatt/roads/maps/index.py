@@ -19,11 +19,11 @@ from tripwatt.roads.maps.extract import KINDS, Height, Named
 from tripwatt.roads.maps.heights import KnownHeights
 from tripwatt.roads.maps.near_words import SCHEMA as WORDS_SCHEMA
 from tripwatt.roads.maps.near_words import near_words, write_words
-from tripwatt.roads.maps.stations import Plug, Station
+from tripwatt.roads.maps.stations import Plug, Station, on_sphere
 from tripwatt.routes.places import SPELLINGS, TWIN_M, Place, plain_words, without_twins
 
-FAR_FROM_SETTLEMENT_DEG: Final = 0.3
-"""An object farther from a settlement than this [° of latitude] is named without the settlement."""
+FAR_FROM_SETTLEMENT_M: Final = 33_000.0
+"""An object farther from a settlement than this [m] is named without the settlement."""
 
 MAX_FOUND: Final = 50
 CANDIDATES: Final = 200
@@ -226,24 +226,17 @@ class _Tree:
         from scipy.spatial import cKDTree
 
         self.known = [s.name for s in settlements]
-        self.tree = cKDTree(_plane(settlements)) if settlements else None
+        self.tree = cKDTree(on_sphere(settlements)) if settlements else None
 
     def near(self, objects: Sequence[Named], number: int) -> list[list[str]]:
-        """Return the names of the `number` nearest settlements of each object, without those farther than `FAR_FROM_SETTLEMENT_DEG`."""
+        """Return the names of the `number` nearest settlements of each object, without those farther than `FAR_FROM_SETTLEMENT_M`."""
         if self.tree is None or not objects:
             return [[] for _ in objects]
-        distance, index = self.tree.query(_plane(objects), range(1, number + 1))
+        distance, index = self.tree.query(on_sphere(objects), range(1, number + 1))
         return [
-            [self.known[int(k)] for off, k in zip(*pair, strict=True) if off <= FAR_FROM_SETTLEMENT_DEG]
+            [self.known[int(k)] for off, k in zip(*pair, strict=True) if off <= FAR_FROM_SETTLEMENT_M]
             for pair in zip(distance, index, strict=True)
         ]
-
-
-def _plane(objects: Sequence[Named | Height]) -> Any:
-    """Return latitudes and longitudes on the same scale, precise enough to compare distances of some kilometres."""
-    table = np.array([(item.latitude_deg, item.longitude_deg) for item in objects])
-    table[:, 1] *= np.cos(np.radians(table[:, 0]))
-    return table
 
 
 class PlaceIndex:

@@ -283,15 +283,13 @@ def near(stations: Sequence[Station], points: Sequence[Place], farthest_m: float
 
     if not stations or not points:
         return []
-    line = cKDTree(_on_sphere([(p.latitude_deg, p.longitude_deg) for p in points]))
-    where = _on_sphere([(s.latitude_deg, s.longitude_deg) for s in stations])
-    distance, nearest = line.query(where, distance_upper_bound=farthest_m)
+    line = cKDTree(on_sphere(points))
+    distance, nearest = line.query(on_sphere(stations), distance_upper_bound=farthest_m)
     pairs = [(k, int(nearest[k])) for k in range(len(stations)) if np.isfinite(distance[k])]
     return sorted(pairs, key=lambda pair: pair[1])
 
 
-def _on_sphere(pairs: Sequence[tuple[float, float]]) -> Any:
-    lat, lon = np.radians(np.array(pairs)).T
-    return EARTH_RADIUS_M * np.column_stack(
-        (np.cos(lat) * np.cos(lon), np.cos(lat) * np.sin(lon), np.sin(lat))
-    )
+def on_sphere(places: Sequence[Any]) -> Any:
+    """Return what has a latitude and a longitude as points of a sphere [m], shape (places, 3): for distances of some kilometres."""
+    lat, lon = np.radians([(place.latitude_deg, place.longitude_deg) for place in places]).T
+    return EARTH_RADIUS_M * np.array([np.cos(lat) * np.cos(lon), np.cos(lat) * np.sin(lon), np.sin(lat)]).T
