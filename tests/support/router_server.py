@@ -34,7 +34,7 @@ OBJECTS = [
 def write_map(folder: Path) -> Path:
     """A map folder with the places of a straight road and one charging station, for the roads of a server."""
     folder.mkdir()
-    counts = write_index(folder / INDEX_NAME, SETTLEMENTS, OBJECTS)
+    indexed = write_index(folder / INDEX_NAME, SETTLEMENTS, OBJECTS)
     bounds = [46.9, 8.9, 47.1, 9.2]
     about = {
         "format": FORMAT,
@@ -43,7 +43,7 @@ def write_map(folder: Path) -> Path:
         "bounds_deg": bounds,
         "terrain": {"known": False, "source": "", "tiles": 0, "missing": []},
     }
-    (folder / INFO_NAME).write_text(json.dumps(about | counts), "utf-8")
+    (folder / INFO_NAME).write_text(json.dumps(indexed | about), "utf-8")
     return folder
 
 

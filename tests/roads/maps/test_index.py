@@ -124,7 +124,8 @@ def test_settlements_without_a_limit_of_their_kind(tmp_path):
 @pytest.fixture(scope="module")
 def index(tmp_path_factory):
     path = tmp_path_factory.mktemp("index") / "places.sqlite"
-    assert write_index(path, SETTLEMENTS, OBJECTS) == {"places": 5, "stations": 1}
+    written_down = write_index(path, SETTLEMENTS, OBJECTS)
+    assert (written_down["places"], written_down["stations"]) == (5, 1)
     return PlaceIndex(path)
 
 
@@ -181,7 +182,12 @@ def test_pieces_of_a_street_in_one_settlement_are_one_place(tmp_path):
     path = tmp_path / "i.sqlite"
     pieces = [Named("street", "Ring", 47.0 + k / 1000.0, 9.0) for k in range(3)]
     far = Named("street", "Ring", 47.0, 9.1)
-    assert write_index(path, SETTLEMENTS, [*pieces, far]) == {"places": 2, "stations": 0}
+    bounds_deg = [47.0, 9.0, 47.001, 9.1]
+    assert write_index(path, SETTLEMENTS, [*pieces, far]) == {
+        "places": 2,
+        "stations": 0,
+        "bounds_deg": bounds_deg,
+    }
     found = PlaceIndex(path).search("ring")
     assert {(place.name, round(place.latitude_deg, 6)) for place in found} == {
         ("Ring, Westend", 47.001),

@@ -126,8 +126,8 @@ def build_map(
     def write(work: Path) -> None:
         progress("places")
         places = [place for place in read_objects(extract, settlements_only=True) if isinstance(place, Named)]
-        counts = write_index(work / INDEX_NAME, places, read_objects(extract))
-        bounds = _bounds(work / INDEX_NAME)
+        indexed = write_index(work / INDEX_NAME, places, read_objects(extract))
+        bounds = indexed["bounds_deg"]
         progress("elevation")
         missing = [] if bounds is None else [tile_name(cell) for cell in needed(bounds)]
         terrain: dict[str, Any] = {"known": False, "source": "", "tiles": 0, "missing": missing}
@@ -140,9 +140,8 @@ def build_map(
             "extract": extract.name,
             "extract_bytes": extract.stat().st_size,
             "attribution": attribution,
-            "bounds_deg": bounds,
             "terrain": terrain,
-            **counts,
+            **indexed,
         }
         (work / INFO_NAME).write_text(json.dumps(info, indent=1) + "\n", "utf-8")
 
@@ -180,13 +179,3 @@ def _span(low: float, high: float, letters: str) -> str:
     first, last = (letters[int(degrees >= 0.0)] for degrees in (low, high))
     between = "" if first == last else f"° {first}"
     return f"{abs(low):.2f}{between} to {abs(high):.2f}° {last}"
-
-
-def _bounds(path: Path) -> list[float] | None:
-    """Return south, west, north and east of all places, or None if there are no places."""
-    database = PlaceIndex(path).database
-    row = database.execute(
-        "SELECT min(latitude), min(longitude), max(latitude), max(longitude) FROM places"
-    ).fetchone()
-    database.close()
-    return None if row[0] is None else [float(value) for value in row]

@@ -72,7 +72,7 @@ CREATE VIRTUAL TABLE names USING fts5(name, also, context, content='', prefix='1
 
 def write_index(
     path: Path, settlements: Sequence[Named], objects: Iterable[Named | Station | Height]
-) -> dict[str, int]:
+) -> dict[str, Any]:
     """Write the index of a map. O(objects log objects).
 
     Parameters
@@ -86,7 +86,7 @@ def write_index(
     Returns
     -------
     dict
-        Numbers of `places` and `stations`.
+        Numbers of `places` and `stations`; `bounds_deg`, the south, west, north and east of all places, or None without a place.
     """
     path.unlink(missing_ok=True)
     nearest = _Nearest(settlements)
@@ -117,10 +117,10 @@ def write_index(
             "SELECT id, name || ' ' || also FROM places WHERE kind < ? ORDER BY id DESC", (HOUSE,)
         )
         write_words(database, {word: k for k, text in rows for word in _searched(text).split()}.items())
-        return {
-            table: int(database.execute(f"SELECT count(*) FROM {table}").fetchone()[0])
-            for table in ("places", "stations")
-        }
+        (stations,) = database.execute("SELECT count(*) FROM stations").fetchone()
+        extremes = "min(latitude), min(longitude), max(latitude), max(longitude)"
+        places, *bounds = database.execute(f"SELECT count(*), {extremes} FROM places").fetchone()
+        return {"places": places, "stations": stations, "bounds_deg": bounds if places else None}
 
 
 def _rows(named: Sequence[Named], nearest: _Nearest) -> Iterator[tuple[Any, ...]]:
