@@ -11,7 +11,7 @@ import math
 import statistics
 import time
 from collections import deque
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Sequence
 from operator import attrgetter
 from typing import Final, Literal
 
@@ -151,7 +151,6 @@ class Sender:
         self.offset_s = offset_s
         self.held: list[Sample] = []
         self.mixed_s = -math.inf
-        self._last: Sample | None = None
         self._recent: deque[Sample] = deque(maxlen=RECENT)
         self._strays: deque[Sample] = deque(maxlen=RECENT)
         self._accepted_since = 0
@@ -164,24 +163,23 @@ class Sender:
         """
         if self.offset_s is None or sample.received_s is None:
             return True
-        ahead = self.offset_s - _offset_s(sample) > FUTURE_S and not self._follows(self._last, sample)
+        ahead = self.offset_s - _offset_s(sample) > FUTURE_S and not self._follows(self._recent, sample)
         return not (is_late or ahead)
 
-    def _follows(self, last: Sample | None, sample: Sample) -> bool:
-        """Whether the stamp of a sample is later than that of `last` by no more than its arrival, within tolerances."""
-        if last is None or last.received_s is None or sample.received_s is None:
+    def _follows(self, before: Sequence[Sample], sample: Sample) -> bool:
+        """Whether the stamp of a sample is later than that of the last one before by no more than its arrival, within tolerances."""
+        if not before or before[-1].received_s is None or sample.received_s is None:
             return False
-        max_s = FUTURE_S + max(sample.received_s - last.received_s, 0.0)
-        return -LATE_S <= sample.time_s - last.time_s <= max_s
+        max_s = FUTURE_S + max(sample.received_s - before[-1].received_s, 0.0)
+        return -LATE_S <= sample.time_s - before[-1].time_s <= max_s
 
     def accept(self, sample: Sample) -> None:
         """Take a sample that fits the known clock, and update this clock. O(1)."""
-        if self._last is not None:
-            odd = _differ(self._last, sample)
+        if self._recent:
+            odd = _differ(self._recent[-1], sample)
             self._apart_score = min(max(self._apart_score + APART[not odd], 0.0), APART[2])
             if odd and self._apart_score >= APART[2] and sample.received_s is not None:
                 self.mixed_s = sample.received_s
-        self._last = sample
         self._accepted_since += bool(self.held)
         if sample.received_s is not None:
             self._recent.append(sample)
@@ -190,7 +188,7 @@ class Sender:
 
     def can_hold(self, sample: Sample) -> bool:
         """Whether a sample can be held together with those already held."""
-        return not self.held or (len(self.held) < MAX_HELD and self._follows(self.held[-1], sample))
+        return not self.held or (len(self.held) < MAX_HELD and self._follows(self.held, sample))
 
     @property
     def clock_was_set(self) -> bool:
@@ -208,7 +206,6 @@ class Sender:
         self._recent = deque(self.held, RECENT)
         self.offset_s = statistics.median(map(_offset_s, self._recent))
         held = self.release()
-        self._last = held[-1]
         # samples that arrived before the held ones were sent before them
         return min(before_s - self.offset_s, min(sample.time_s for sample in held) - newest_s - 1e-3), held
 
