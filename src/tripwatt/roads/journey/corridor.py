@@ -320,9 +320,8 @@ class Corridor:
         need = taken + self.options.reserve + self.width(chance)
         need[0] = taken[0] + self.options.reserve + self.width(first_chance)[0]
         soc = float(self.forecast.along.expected_soc[0])
-        exempt = self.options.reserve * (
-            soc < self.options.reserve
-        )  # then the reserve counts after the first stop
+        # the reserve of a car that has less counts after the first stop
+        exempt = self.options.reserve * (soc < self.options.reserve)
         need[0, :-1] -= exempt
         for (i, j), leg in self.routed.items():
             if leg is None:

@@ -281,9 +281,8 @@ def _concatenate_edges(parts: Sequence[Edges]) -> Edges:
     for values in (edges.length_m, edges.time_s):
         valid &= np.isfinite(values) & (values >= 0)
     driven = edges.only(~edges.carried)
-    if (
-        len(driven.length_m) and not driven.length_m.any() and not driven.time_s.any()
-    ):  # at one point of a road
+    # all at one point of a road
+    if len(driven.length_m) and not driven.length_m.any() and not driven.time_s.any():
         edges = replace(edges, length_m=edges.length_m + 1.0, time_s=edges.time_s + 1.0)
         driven = edges.only(~edges.carried)
     if not valid.all() or not driven.length_m.sum() > 0 or not driven.time_s.sum() > 0:

@@ -210,10 +210,8 @@ class LiveCar(Recorder):
 
     def _store_ended_trips(self) -> None:
         """Write ended trips, and forget their plan and their samples, in one transaction."""
-        has_ended, needed = (
-            bool(self.ended),
-            [*self._finder.before, *self._ordered.waiting, *self._sender.held],
-        )
+        has_ended = bool(self.ended)
+        needed = [*self._finder.before, *self._ordered.waiting, *self._sender.held]
         # while the car is on a trip again, its samples are needed to find it after a restart
         shorten = self.trip is None and (has_ended or self._messages > 2 * len(needed) + SLACK_MESSAGES)
         if not has_ended and not shorten:

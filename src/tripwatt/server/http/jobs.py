@@ -338,10 +338,8 @@ class Jobs:
 
     def summaries(self) -> dict[str, Any]:
         """Return the models with their inputs, provenance and scores; the first is the default."""
-        by_name = {
-            name: (self.folders.get(name), self.fleets.get(name)) for name in (*self.models, *self.fleets)
-        }
-        return {"models": [{"name": name, **model_summary(*parts)} for name, parts in by_name.items()]}
+        names, folders, fleets = (*self.models, *self.fleets), self.folders, self.fleets
+        return {"models": [{"name": n, **model_summary(folders.get(n), fleets.get(n))} for n in names]}
 
     def vehicles(self, search: str | None = None) -> dict[str, Any]:
         """Return the cars of the library, or those that the words of `search` find, each with the models fitted on its trips."""
