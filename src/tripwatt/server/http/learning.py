@@ -80,8 +80,7 @@ class LearningCars:
         finally:
             await cancel_all(self._teaching.values())  # before the others, because they start to learn
             await cancel_all(learning.task for learning in self.by_car.values() if learning.task is not None)
-            if self._started:
-                await self.learners.stop()
+            await self.learners.stop()
 
     def learn_soon(self, car: str) -> None:
         """Learn the trips that a car has finished on the road, as soon as possible."""
