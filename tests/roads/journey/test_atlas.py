@@ -8,7 +8,7 @@ import pytest
 from tests.roads.journey.made import MADE
 from tests.support.router_server import write_map
 
-from tripwatt.errors import InvalidInput
+from tripwatt.errors import InvalidInput, RemoteError
 from tripwatt.roads.journey import AtlasSettings, Place, open_atlas
 from tripwatt.roads.maps.elevation import MARGIN_DEG
 
@@ -16,7 +16,7 @@ from tripwatt.roads.maps.elevation import MARGIN_DEG
 def test_an_atlas_of_a_map_with_the_roads_of_a_server(tmp_path, monkeypatch):
     folder = write_map(tmp_path / "map")
     atlas = open_atlas(f"{folder}@osrm=http://127.0.0.1:1")
-    assert atlas.router.name == "osrm at 127.0.0.1:1"
+    assert (atlas.router.kind, atlas.router.client.host) == ("osrm", "127.0.0.1:1")
     assert atlas.places.search("ost")[0].name == "Ostheim"
     assert [station.name for station in atlas.stations] == ["Halbweg"]
     assert atlas.bounds_deg == (46.9, 8.9, 47.1, 9.2)
@@ -25,7 +25,8 @@ def test_an_atlas_of_a_map_with_the_roads_of_a_server(tmp_path, monkeypatch):
     assert [place.name for place in atlas.settlements(atlas.bounds_deg, 1)] == ["Westend"]
     assert atlas.stations_within(atlas.bounds_deg, 5) == atlas.stations
     monkeypatch.setenv("TRIPWATT_MAP", f"{folder}@http://127.0.0.1:1")
-    assert open_atlas().router.name == "valhalla at 127.0.0.1:1"
+    with pytest.raises(RemoteError, match=r"127\.0\.0\.1:1"):
+        open_atlas().router.outline(Place(47.0, 9.0), 10.0)
     server = open_atlas(AtlasSettings("http://127.0.0.1:1", "photon=http://p", "http://w"))
     assert server.settlements((46.9, 8.9, 47.1, 9.2), 5) == ()
     assert (server.places.client.host, server.weather.client.host, server.bounds_deg) == ("p", "w", None)

@@ -2,8 +2,9 @@
 
 import pytest
 
-from tripwatt.errors import InvalidInput
+from tripwatt.errors import InvalidInput, RemoteError
 from tripwatt.roads.routers import is_server, open_server, split_kind
+from tripwatt.routes.places import Place
 
 
 def test_kinds_of_servers(tmp_path, monkeypatch):
@@ -21,8 +22,10 @@ def test_kinds_of_servers(tmp_path, monkeypatch):
 
 
 def test_a_server_is_named_by_kind_and_url():
-    assert open_server("http://h:8002").name == "valhalla at h:8002"
-    assert open_server("graphhopper=https://h/api").name == "graphhopper at h"
+    with pytest.raises(RemoteError, match=r"127\.0\.0\.1:1"):
+        open_server("http://127.0.0.1:1").outline(Place(47.0, 9.0), 10.0)
+    graphhopper = open_server("graphhopper=https://h/api")
+    assert (graphhopper.kind, graphhopper.client.host) == ("graphhopper", "h")
     assert open_server("openrouteservice=https://h").client.base_url == "https://h"
     with pytest.raises(
         InvalidInput, match="unknown kind of server: --router: got google; allowed: valhalla, osrm"

@@ -160,4 +160,4 @@ def router_in_process(folder: Path) -> ValhallaRouter:
         except RuntimeError:  # ValhallaError is one: a tile that the map does not have
             return b""
 
-    return ValhallaRouter(ask, "valhalla", tile)
+    return ValhallaRouter(ask, tile)

@@ -63,8 +63,8 @@ def open_server(text: str, where: str = "--router") -> Router:
 
     Examples
     --------
-    >>> open_server("osrm=http://127.0.0.1:5000").name
-    'osrm at 127.0.0.1:5000'
+    >>> open_server("osrm=http://127.0.0.1:5000").kind
+    'osrm'
     """
     kind, url = split_kind(text, ROUTER_KINDS, where)
     return ROUTER_KINDS[kind](url)

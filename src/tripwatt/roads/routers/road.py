@@ -179,11 +179,6 @@ class Road:
 class Router(Protocol):
     """A finder of roads between places."""
 
-    @property
-    def name(self) -> str:
-        """Name of the router in messages."""
-        ...
-
     def roads(self, stops: Sequence[Place], *, alternatives: int = 0) -> tuple[Road, ...]:
         """Find roads through places in order; the fastest road is the first.
 

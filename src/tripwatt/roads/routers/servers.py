@@ -149,13 +149,11 @@ class ServerRouter:
 
     client: WebClient
     kind: str
-    name: str = "router"
 
     @classmethod
     def from_url(cls, kind: str, url: str) -> Self:
         """Make a router from the kind and the URL of its server."""
-        client = WebClient(url, "the router", KEY_NAME, SERVERS[kind][0])
-        return cls(client, kind, f"{kind} at {client.host}")
+        return cls(WebClient(url, "the router", KEY_NAME, SERVERS[kind][0]), kind)
 
     def outline(self, start: Place, minutes: float) -> tuple[Place, ...]:
         """Return no places, see `Router.outline`."""

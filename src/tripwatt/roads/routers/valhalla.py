@@ -76,8 +76,6 @@ class ValhallaRouter:
     ----------
     ask : callable
         See `AskAction`.
-    name : str
-        Name of the router in messages.
     ask_tile : callable, optional
         See `AskTile`; None if there are no tiles.
     at_once : bool
@@ -85,7 +83,6 @@ class ValhallaRouter:
     """
 
     ask: AskAction
-    name: str = "valhalla"
     ask_tile: AskTile | None = None
     at_once: bool = False
 
@@ -105,7 +102,7 @@ class ValhallaRouter:
         def ask(action: str, request: dict[str, Any]) -> Any:
             return client.post_json(f"/{action}", request)
 
-        return cls(ask, f"valhalla at {client.host}", tile, at_once=True)
+        return cls(ask, tile, at_once=True)
 
     def roads(self, stops: Sequence[Place], *, alternatives: int = 0) -> tuple[Road, ...]:
         """See `Router.roads`. If alternatives are wanted, the shortest is one of them, unless it is the fastest or far slower."""
