@@ -89,15 +89,11 @@ def read_objects(path: Path, *, settlements_only: bool = False) -> Iterator[Name
     """
     osmium = _osmium()
     try:
-        if settlements_only:
-            nodes = osmium.FileProcessor(str(path), osmium.osm.NODE)
-            objects = nodes.with_filter(osmium.filter.KeyFilter("place"))
-        else:
+        keys, objects = ("place",), osmium.FileProcessor(str(path), osmium.osm.NODE)
+        if not settlements_only:
             keys = ("place", "highway", "addr:housenumber", *POINTS_OF_INTEREST)
-            both = osmium.osm.NODE | osmium.osm.WAY
-            objects = osmium.FileProcessor(str(path), both).with_locations()
-            objects = objects.with_filter(osmium.filter.KeyFilter(*keys))
-        for element in objects:
+            objects = osmium.FileProcessor(str(path), osmium.osm.NODE | osmium.osm.WAY).with_locations()
+        for element in objects.with_filter(osmium.filter.KeyFilter(*keys)):
             yield from _read(element)
     except (RuntimeError, OSError) as error:
         got, allowed = str(error)[:120], "an OpenStreetMap extract"
