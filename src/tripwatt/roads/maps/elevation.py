@@ -264,6 +264,7 @@ def _warped(paths: Sequence[Path], cell: Cell, credits: dict[str, None]) -> Heig
 
     south, west = cell
     step = 1.0 / (ROWS - 1)
+    pixels = rasterio.Affine(step, 0.0, west - 0.5 * step, 0.0, -step, south + 1.0 + 0.5 * step)
     heights = np.full((ROWS, ROWS), np.nan, dtype=np.float32)
     for path in paths:
         try:
@@ -276,9 +277,7 @@ def _warped(paths: Sequence[Path], cell: Cell, credits: dict[str, None]) -> Heig
                     rasterio.band(raster, 1),
                     part,
                     src_nodata=VOID if raster.nodata is None else raster.nodata,
-                    dst_transform=rasterio.Affine(
-                        step, 0.0, west - 0.5 * step, 0.0, -step, south + 1.0 + 0.5 * step
-                    ),
+                    dst_transform=pixels,
                     dst_crs="EPSG:4326",
                     dst_nodata=np.nan,
                     resampling=rasterio.warp.Resampling.bilinear,
