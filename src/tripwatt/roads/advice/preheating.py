@@ -232,7 +232,10 @@ def before_departure(
     target, wh = min(soc_needed, 1.0), forecast.charge.wh_per_display
     begins = target if soc is None else min(soc, target)
     missing_wh = None if soc is None else (target - begins) * wh
-    curve, plug = _charging_curve(forecast), Station.without_plugs(0.0, 0.0, "", plug_w)
+    curve, plug = (
+        ChargingCurve.from_vehicle(forecast.vehicle, wh),
+        Station.without_plugs(0.0, 0.0, "", plug_w),
+    )
     cell_degc = float(forecast.drive.simulation.battery_temperature_degc[0])
     into_battery_s = float(curve.seconds(np.linspace(begins, target, 101), plug, wh, cell_degc)[-1])
     heat = preheating(forecast.vehicle, forecast.plan, plug_w=plug_w)
@@ -246,10 +249,6 @@ def before_departure(
         "charging_s": into_battery_s * EFFICIENCY / CHARGER if plug_w and soc is not None else None,
         "preheat": heat and heat.to_dict(leaves),
     }
-
-
-def _charging_curve(forecast: Forecast) -> ChargingCurve:
-    return ChargingCurve.from_vehicle(forecast.vehicle, forecast.charge.wh_per_display)
 
 
 def need_before_departure(
@@ -273,7 +272,7 @@ def need_before_departure(
     trip = ahead if isinstance(ahead, Plan | Trip) else typical_road(1000.0 * ahead, kind)
     forecast = model.forecast(trip, departure)
     until = before_departure(forecast, needed.soc_needed, plug_w, *at_departure)
-    depends = until["charging_s"] and _charging_curve(forecast).is_class
+    depends = until["charging_s"] and forecast.vehicle.charging is None
     assumed = (Flag("class_charging_curve", "charging"),) if depends else ()
     message = leave_in_words(needed.soc_needed, needed.reserve, needed.probability)
     needed = replace(needed, flags=(*needed.flags, *assumed))
