@@ -269,6 +269,10 @@ class Elevation(StrictModel):
     """elevation above sea level at each position [m]"""
 
 
+Body = Literal["small", "hatchback", "sedan", "estate", "suv", "van", "pickup", "quadricycle"]
+"""Kind of the body of a car."""
+
+
 class VehicleFigures(StrictModel):
     """A car that the library does not have, by up to six figures; what is missing is that of a usual car of its body."""
 
@@ -280,9 +284,7 @@ class VehicleFigures(StrictModel):
     """published consumption at the wall [kWh/100 km]"""
     motor_power_kw: float | None = Field(None, ge=5.0, le=1500.0)
     """largest power of all motors together [kW]"""
-    body: Literal["small", "hatchback", "sedan", "estate", "suv", "van", "pickup", "quadricycle"] | None = (
-        None
-    )
+    body: Body | None = None
     """kind of body; default: suv"""
     heat_pump: bool | None = None
     """default: false"""
