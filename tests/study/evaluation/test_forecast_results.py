@@ -10,7 +10,6 @@ from tests.support.held_out import NO, Trips
 from tripwatt.learners.folds import Split
 from tripwatt.study.evaluation.comparison import Comparison
 from tripwatt.study.evaluation.forecast_results import (
-    add_crps_of_points,
     departure_table,
     forecast_frame,
     learning_curve,
@@ -112,20 +111,6 @@ class TestResults:
         assert rows["ambient_temperature_degc"].isna().all()
         assert rows["distance_m"].tolist() == [plans[1].distance_m, plans[0].distance_m]
         assert rows["duration_s"].tolist() == [plans[1].duration_s, plans[0].duration_s]
-
-
-def test_the_crps_of_a_number_is_its_absolute_error():
-    models = {"a": {}, "b": {}}
-    frame = pd.DataFrame(
-        {
-            "model": ["a", "a", "a", "b", "b", "b"],
-            "observed_energy_wh": [1.0, 2.0, 3.0, 1.0, 2.0, 3.0],
-            "predicted_energy_wh": [2.0, 2.0, -2.0, 1.0, 2.0, 3.5],
-        }
-    )
-    add_crps_of_points(models, frame)
-    assert models["a"]["crps_wh"] == pytest.approx(2.0, **EXACT)
-    assert models["b"]["crps_wh"] == pytest.approx(0.5 / 3, **EXACT)
 
 
 def test_learning_curve_is_the_mean_over_trips_of_a_draw_and_over_draws():

@@ -40,6 +40,11 @@ def test_symmetric_quantiles_ascend_around_the_centre():
     np.testing.assert_allclose(found, [[7.0, 9.0, 11.0, 13.0], [12.0, 18.0, 22.0, 28.0]], rtol=1e-12)
 
 
+def test_the_crps_of_a_number_is_its_absolute_error():
+    observed, predicted = np.array([1.0, 2.0, 3.0]), np.array([2.0, 2.0, -2.0])
+    assert crps(observed, predicted[:, None]).tolist() == pytest.approx([1.0, 0.0, 5.0], **EXACT)
+
+
 def test_crps_with_own_and_with_one_width():
     observed, centre, sd = np.array([12.0, 20.0]), np.array([10.0, 20.0]), np.array([1.0, 3.0])
     factors = np.array([[1.0], [1.0]])

@@ -26,13 +26,12 @@ from tripwatt.study.evaluation.forecast_data import ForecastData
 from tripwatt.study.evaluation.forecast_models import DataMethod, ForecastMethod, PowerMethod
 from tripwatt.study.evaluation.forecast_results import (
     CURVE_DRAWS,
-    add_crps_of_points,
     forecast_frame,
     forecast_scores,
     learning_curve,
     strata,
 )
-from tripwatt.study.evaluation.forecast_scores import FORECAST, WITHOUT_PHYSICS
+from tripwatt.study.evaluation.forecast_scores import FORECAST, WITHOUT_PHYSICS, crps
 from tripwatt.study.evaluation.hold_outs import (
     LEAVE_ONE_TRIP_OUT,
     LEAVE_REGIME_OUT,
@@ -170,11 +169,13 @@ class ForecastProtocol:
         first, summaries = main[0], []
         for comparison in main:
             summary = comparison.summary(seed)
-            add_crps_of_points(summary["models"], comparison.frame)
             days = [comparison.hold_out.table.days[i] for i in comparison.hold_out.tested]
             for name, scores in summary["models"].items():
+                rows = comparison.rows_of(name)
+                observed, point = (rows[f"{kind}_energy_wh"].to_numpy() for kind in ("observed", "predicted"))
+                scores["crps_wh"] = float(crps(observed, point[:, None]).mean())
                 if forecasts := comparison.forecasts(name):
-                    scores |= forecast_scores(forecasts, comparison.rows_of(name), seed, days)
+                    scores |= forecast_scores(forecasts, rows, seed, days)
             summaries.append(summary)
         forecasts = first.forecasts(FORECAST)
         frame = forecast_frame(first.hold_out, forecasts, first.rows_of(FORECAST)) if forecasts else None

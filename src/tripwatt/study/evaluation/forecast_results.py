@@ -35,13 +35,6 @@ CURVE_DRAWS: Final = 6
 """Number of random draws of training trips for each size of the learning curve: a choice, because each draw is a fit."""
 
 
-def add_crps_of_points(models: dict[str, Any], frame: pd.DataFrame) -> None:
-    """Add the CRPS of each model's point forecast, which is its mean absolute error."""
-    for name, score in models.items():
-        part = frame[frame["model"] == name]
-        score["crps_wh"] = float((part["predicted_energy_wh"] - part["observed_energy_wh"]).abs().mean())
-
-
 def forecast_scores(
     forecasts: Sequence[HeldOutForecast], part: pd.DataFrame, seed: int, days: Sequence[str] | None = None
 ) -> dict[str, Any]:
