@@ -26,6 +26,7 @@ from tripwatt.vehicles import Vehicle, load_vehicle, vehicle_from_document, vehi
 from tripwatt.vehicles.anchors import CLASS, Anchor, anchors
 from tripwatt.vehicles.catalogue import catalogue
 from tripwatt.vehicles.loading import library_document
+from tripwatt.vehicles.vehicle import FIELDS
 
 ROOT: Final = Path(__file__).parents[1]
 TABLE: Final = ROOT / "src" / "tripwatt" / "vehicles" / "data" / "table" / "anchors.csv"
@@ -120,7 +121,7 @@ def compute() -> tuple[dict[str, Anchor], list[Outcome]]:
         misses.append(new[name].before)
     middle = float(np.median(common))
     efficiency = scaled(cars["vw_id4_pro"], CLASS_LOSS, middle).drivetrain.gearbox_efficiency
-    entries = MappingProxyType({"drivetrain.gearbox_efficiency": (efficiency, "1")})
+    entries = MappingProxyType({"drivetrain.gearbox_efficiency": efficiency})
     new[CLASS] = Anchor(CLASS_LEVEL, CLASS_LOSS, entries, float(np.median(misses)))
     for name in names:
         if not figures[name]:
@@ -159,10 +160,9 @@ def write_anchors(own: dict[str, Anchor]) -> None:
         out = csv.writer(file, lineterminator="\n")
         out.writerow(["car", "level", "loss", "entry", "value", "unit", "before"])
         for name, anchor in sorted(own.items()):
-            for key, (value, unit) in anchor.entries.items():
-                out.writerow(
-                    [name, anchor.level, anchor.loss, key, f"{value:.6g}", unit, f"{anchor.before:.4f}"]
-                )
+            for key, value in anchor.entries.items():
+                figures = f"{value:.6g}", FIELDS[key].metadata["unit"], f"{anchor.before:.4f}"
+                out.writerow([name, anchor.level, anchor.loss, key, *figures])
 
 
 def figures_of_bars(outcomes: Sequence[Outcome]) -> dict[str, float]:

@@ -23,7 +23,7 @@ from tools.docs import pages
 
 from tripwatt.certification.consumption import ROAD_LOAD, driven_wh_per_km, errors
 from tripwatt.vehicles import load_vehicle
-from tripwatt.vehicles.anchors import anchors
+from tripwatt.vehicles.anchors import anchors, with_anchor
 from tripwatt.vehicles.losses import motor_loss
 
 CARS = [name for name in some_cars(8) if name in anchors()]
@@ -103,7 +103,7 @@ def test_the_most_probable_loss_closes_the_mean(name: str) -> None:
     assert found.after.tolist() == errors(found.vehicle, figures).tolist()
     entry = found.anchor("road_load")
     assert entry.before == pytest.approx(found.before.mean())
-    ((key, (value, _)),) = entry.entries.items()
+    ((key, value),) = entry.entries.items()
     section, _, name = key.partition(".")
     assert getattr(getattr(found.vehicle, section), name) == value
 
@@ -122,7 +122,8 @@ def test_two_losses_meet_a_city_and_a_highway_that_one_cannot() -> None:
     assert found.vehicle.drivetrain.motor_loss_factor < 1.0
     assert found.vehicle.drivetrain.flux_loss_w_s2_rad2 > car.drivetrain.flux_loss_w_s2_rad2
     assert found.anchor("road_load").entries.keys() == set(keys(car, PAIR))
-    assert {unit for _, unit in found.anchor("road_load").entries.values()} == {"1", "W s2/rad2"}
+    drivetrain = with_anchor({}, found.anchor("road_load"))["drivetrain"]
+    assert {entry["unit"] for entry in drivetrain.values()} == {"1", "W s2/rad2"}
 
 
 def test_marked_rows_do_not_count_and_bounds_hold() -> None:

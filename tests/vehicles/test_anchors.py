@@ -20,7 +20,7 @@ from tripwatt.vehicles.vehicle import ANCHORS
 
 
 def test_anchors_take_the_place_of_entries() -> None:
-    anchor = Anchor("road_load", "gear", {"drivetrain.gearbox_efficiency": (0.95, "1")}, -0.1)
+    anchor = Anchor("road_load", "gear", {"drivetrain.gearbox_efficiency": 0.95}, -0.1)
     document = with_anchor({"name": "x", "drivetrain": {"gear_ratio": 1}}, anchor)
     assert document["anchor"] == "road_load"
     assert document["drivetrain"]["gear_ratio"] == 1

@@ -117,13 +117,9 @@ class Anchored:
         Returns
         -------
         Anchor
-            The values of the entries, their units, and the mean relative error before.
+            The values of the entries, and the mean relative error before.
         """
-        entries = {}
-        for key in keys(self.vehicle, self.loss):
-            unit = "W s2/rad2" if key == KEYS["iron"] else "1"
-            unit = self.vehicle.entries[key].unit if key in self.vehicle.entries else unit
-            entries[key] = (cast(float, self.vehicle.value(key)), unit)
+        entries = {key: cast(float, self.vehicle.value(key)) for key in keys(self.vehicle, self.loss)}
         return Anchor(level, self.loss, MappingProxyType(entries), float(self.before.mean()))
 
 

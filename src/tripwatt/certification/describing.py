@@ -283,18 +283,15 @@ def _certified(car: Vehicle, wh_per_km: float, procedure: str) -> list[Certified
 
     City and highway figures have the simulated ratio to each other, so both have the same relative error.
     """
-    mass = car.body.test_mass_kg
-    if procedure == "town":
-        return [CertifiedFigure("town", wh_per_km, True, mass, "given by the caller")]
+    mass, by_cycle = car.body.test_mass_kg, {"town": wh_per_km}
     if procedure == "wltp":
-        return [CertifiedFigure("wltc", wh_per_km, True, wltp_test_mass(mass), "given by the caller")]
-    mass = car.body.curb_mass_kg + LOADED_KG
-    driven = {cycle: driven_wh_per_km(car, schedule(cycle), mass) for cycle in LABEL_SHARES}
-    combined = sum(share * driven[cycle] for cycle, share in LABEL_SHARES.items())
-    return [
-        CertifiedFigure(cycle, LABEL_FACTOR * wh_per_km * wh / combined, True, mass, "given by the caller")
-        for cycle, wh in driven.items()
-    ]
+        mass, by_cycle = wltp_test_mass(mass), {"wltc": wh_per_km}
+    elif procedure == "epa":
+        mass = car.body.curb_mass_kg + LOADED_KG
+        driven = {cycle: driven_wh_per_km(car, schedule(cycle), mass) for cycle in LABEL_SHARES}
+        combined = sum(share * driven[cycle] for cycle, share in LABEL_SHARES.items())
+        by_cycle = {cycle: LABEL_FACTOR * wh_per_km * wh / combined for cycle, wh in driven.items()}
+    return [CertifiedFigure(c, wh, True, mass, "given by the caller") for c, wh in by_cycle.items()]
 
 
 def _meeting(car: Vehicle, document: Mapping[str, Any], wh_per_km: float, procedure: str) -> Vehicle:
@@ -310,9 +307,7 @@ def _meeting(car: Vehicle, document: Mapping[str, Any], wh_per_km: float, proced
             f"{'at most' if left < 0.0 else 'at least'} {wh_per_km / 10.0 * (1.0 + left):.1f} kWh/100 km for its mass, power and body",
             "check the figures; consumption is in kWh/100 km at the wall",
         )
-    entries = {
-        key: (cast(float, met.value(key)), car.entries[key].unit) for key in (*road_parts(car), GEARBOX)
-    }
+    entries = {key: cast(float, met.value(key)) for key in (*road_parts(car), GEARBOX)}
     before = float(errors(car, figures).mean())
     anchor = Anchor("certification", ROAD_LOAD, {**anchors()[CLASS].entries, **entries}, before)
     return vehicle_from_document(with_anchor(document, anchor), car.name, car.name)

@@ -17,7 +17,7 @@ from functools import cache
 from typing import Any, Final
 
 from tripwatt.arrays import by_key
-from tripwatt.vehicles.catalogue import class_values, entry, records
+from tripwatt.vehicles.catalogue import class_values, entry, records, with_entries
 
 CLASS: Final = "*"
 """Name of the rows that hold for cars without certified figures."""
@@ -33,15 +33,15 @@ class Anchor:
         One of `tripwatt.vehicles.vehicle.ANCHORS`.
     loss : str
         Loss that was changed: "motor", "iron" or "gear" losses, or the "road load".
-    entries : mapping of str to (float, str)
-        "section.key" -> value and unit.
+    entries : mapping of str to float
+        "section.key" -> value.
     before : float
         Mean of simulated over certified consumption less one, without the entries.
     """
 
     level: str
     loss: str
-    entries: Mapping[str, tuple[float, str]]
+    entries: Mapping[str, float]
     before: float
 
     @property
@@ -63,7 +63,7 @@ def anchors() -> Mapping[str, Anchor]:
     """
     by_car = {}
     for car, rows in by_key(records("anchors.csv"), lambda row: row["car"]).items():
-        entries = {row["entry"]: (float(row["value"]), row["unit"]) for row in rows}
+        entries = {row["entry"]: float(row["value"]) for row in rows}
         about = rows[0]
         by_car[car] = Anchor(about["level"], about["loss"], entries, float(about["before"]))
     return types.MappingProxyType(by_car)
@@ -73,13 +73,9 @@ def with_anchor(document: Mapping[str, Any], anchor: Anchor | None) -> dict[str,
     """Return the document with its entries replaced by those of an anchor; unchanged if there is no anchor."""
     if anchor is None:
         return dict(document)
-    result: dict[str, Any] = {**document, "anchor": anchor.level}
-    for key, (value, unit) in anchor.entries.items():
-        section, _, name = key.partition(".")
-        source = "class of the car" if anchor.level == "class" else "certified consumption of the car"
-        anchored = entry(value, unit, source, "estimate", anchor.reason)
-        result[section] = {**result.get(section, {}), name: anchored}
-    return result
+    source = "class of the car" if anchor.level == "class" else "certified consumption of the car"
+    entries = {k: entry(value, source, "estimate", anchor.reason) for k, value in anchor.entries.items()}
+    return with_entries({**document, "anchor": anchor.level}, entries)
 
 
 TYRES_SD: Final = 0.08

@@ -21,6 +21,7 @@ import numpy as np
 
 from tripwatt.units import GRAVITY_M_S2, KG_PER_LB, M_S_PER_MPH, N_PER_LBF
 from tripwatt.vehicles.inheriting import DATA
+from tripwatt.vehicles.vehicle import FIELDS
 
 QUADRICYCLE: Final = "quadricycle"
 BODIES: Final = ("small", "hatchback", "sedan", "suv", "van", "pickup", QUADRICYCLE)
@@ -327,16 +328,32 @@ def _spreads(
     return rolling_sd, air_sd
 
 
-def entry(value: Any, unit: str, source: str, licence: str, estimated: str = "") -> dict[str, Any]:
-    """Make an entry of a car's document; `estimated` says how, if the value is an estimate.
+def entry(value: Any, source: str, licence: str, estimated: str = "") -> dict[str, Any]:
+    """Make an entry of a car's document without its unit; `estimated` says how, if the value is an estimate.
 
     Examples
     --------
-    >>> entry(9.5, "1", "class of the car", "estimate")
-    {'value': 9.5, 'unit': '1', 'source': 'class of the car', 'licence': 'estimate'}
+    >>> entry(9.5, "class of the car", "estimate")
+    {'value': 9.5, 'source': 'class of the car', 'licence': 'estimate'}
     """
-    cited = {"value": value, "unit": unit, "source": source, "licence": licence}
+    cited = {"value": value, "source": source, "licence": licence}
     return cited | ({"estimated": estimated} if estimated else {})
+
+
+def with_entries(document: Mapping[str, Any], entries: Mapping[str, Mapping[str, Any]]) -> dict[str, Any]:
+    """Return a car's document with entries, by "section.key"; each gets the unit of its field.
+
+    Examples
+    --------
+    >>> with_entries({"name": "x"}, {"drivetrain.gear_ratio": {"value": 9.5}})
+    {'name': 'x', 'drivetrain': {'gear_ratio': {'value': 9.5, 'unit': '1'}}}
+    """
+    result = dict(document)
+    for key, raw in entries.items():
+        section, _, name = key.partition(".")
+        made = {**raw, "unit": FIELDS[key].metadata["unit"]}
+        result[section] = {**result.get(section, {}), name: made}
+    return result
 
 
 LISTED: Final = "simplified by its authors from public charts"
@@ -369,13 +386,13 @@ def charging_section(name: str) -> dict[str, Any]:
     if not points:
         return {}
     (source,) = (row for row in records("sources.csv") if row["source"] == points[0]["source"])
-    cited = {"source": f"{source['text']}: {points[0]['note']}", "licence": source["licence"]}
+    cited: dict[str, Any] = {"source": f"{source['text']}: {points[0]['note']}", "licence": source["licence"]}
     soc = [float(point["displayed_soc"]) for point in points]
     power = [1000.0 * float(point["power_kw"]) for point in points]
     alternating = 1000.0 * float(points[0]["alternating_kw"])
     entries = {
-        "displayed_soc": {**cited, "value": soc, "unit": "1"},
-        "power_w": {**cited, "value": power, "unit": "W", "estimated": LISTED},
-        "alternating_power_w": {**cited, "value": alternating, "unit": "W"},
+        "charging.displayed_soc": {**cited, "value": soc},
+        "charging.power_w": {**cited, "value": power, "estimated": LISTED},
+        "charging.alternating_power_w": {**cited, "value": alternating},
     }
-    return {"charging": entries}
+    return with_entries({}, entries)

@@ -7,7 +7,7 @@ proportion to the car's own figures; `estimated` of each such entry states this.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Any, Final
 
 from tripwatt.files import shipped_toml
@@ -23,6 +23,7 @@ from tripwatt.vehicles.catalogue import (
     Row,
     curb_mass_kg,
     entry,
+    with_entries,
 )
 
 WHEEL_RADIUS_M: Final = shipped_toml("vehicles/data/table/bodies.toml")["wheel_radius_m"]
@@ -145,7 +146,7 @@ def _split(row: Row) -> str:
 
 
 def _sourced(value: float, cell: Cell, estimated: str = "") -> dict[str, Any]:
-    return entry(value, "", cell.citation, cell.licence, estimated)
+    return entry(value, cell.citation, cell.licence, estimated)
 
 
 def similar_document(car: Figures, classes: ClassValues) -> dict[str, Any]:
@@ -161,47 +162,37 @@ def similar_document(car: Figures, classes: ClassValues) -> dict[str, Any]:
     mass, power = float(car.curb_mass["value"]), float(car.motor_power["value"])
     recovery = COASTING_M_S2 if car.body == QUADRICYCLE else RECOVERY_M_S2
     top_speed = next(speed for limit, speed in TOP_SPEEDS_KM_H if power / mass < limit)
+    torque, recovery_nm = power / CORNER_SPEED_RAD_S, recovery * (mass + DRIVER_KG) * radius / GEAR_RATIO
+    motor_rad_s = top_speed / 3.6 / radius * GEAR_RATIO
+    recovery_w = min(RECOVERY_W_PER_KG * (mass + DRIVER_KG), power)
+    entries = {
+        "body.curb_mass_kg": car.curb_mass,
+        **_road_load(car, classes),
+        "drivetrain.wheel_radius_m": _class(radius, f"usual tyres of a {car.body}"),
+        "drivetrain.gear_ratio": _class(GEAR_RATIO, "mean of the cars with a file of their own"),
+        "drivetrain.motor_max_torque_nm": _class(torque, f"power over {CORNER_SPEED_RAD_S:g} rad/s"),
+        "drivetrain.motor_max_power_w": car.motor_power,
+        "drivetrain.motor_max_speed_rad_s": _class(motor_rad_s, f"a top speed of {top_speed:g} km/h"),
+        "regeneration.max_torque_nm": _class(recovery_nm, f"{recovery:g} m/s2"),
+        "regeneration.max_power_w": _class(recovery_w, f"{RECOVERY_W_PER_KG:g} W/kg"),
+        **_battery(car),
+    }
+    if car.heat_pump and car.body != QUADRICYCLE:
+        heat_w, cop = HEAT_PUMPS[car.recent]
+        how = f"that of cars {'from 2020 on' if car.recent else 'before 2020'}; the car has a heat pump"
+        entries["climate.heat_pump_max_heat_w"] = _class(heat_w, how)
+        entries["climate.heat_pump_cop_at_0_degc"] = _class(cop, how)
     document = {
         "name": car.title,
         "extends": ["passenger_car", CHEMISTRIES[car.chemistry][0]],
         "scaled": {"motor_losses": MACHINES[car.machine], "cell_resistance": "bmw_i3_94ah"},
-        "body": {"curb_mass_kg": {**car.curb_mass, "unit": "kg"}},
-        "road_load": _road_load(car, classes),
-        "drivetrain": {
-            "wheel_radius_m": _class(radius, "m", f"usual tyres of a {car.body}"),
-            "gear_ratio": _class(GEAR_RATIO, "1", "mean of the cars with a file of their own"),
-            "motor_max_torque_nm": _class(
-                power / CORNER_SPEED_RAD_S, "Nm", f"power over {CORNER_SPEED_RAD_S:g} rad/s"
-            ),
-            "motor_max_power_w": {**car.motor_power, "unit": "W"},
-            "motor_max_speed_rad_s": _class(
-                top_speed / 3.6 / radius * GEAR_RATIO, "rad/s", f"a top speed of {top_speed:g} km/h"
-            ),
-        },
-        "regeneration": {
-            "max_torque_nm": _class(
-                recovery * (mass + DRIVER_KG) * radius / GEAR_RATIO, "Nm", f"{recovery:g} m/s2"
-            ),
-            "max_power_w": _class(
-                min(RECOVERY_W_PER_KG * (mass + DRIVER_KG), power), "W", f"{RECOVERY_W_PER_KG:g} W/kg"
-            ),
-        },
-        "battery": _battery(car),
+        "without": ["climate"] if car.body == QUADRICYCLE else [],
     }
-    if car.body == QUADRICYCLE:
-        document["without"] = ["climate"]
-    elif car.heat_pump:
-        heat_w, cop = HEAT_PUMPS[car.recent]
-        how = f"that of cars {'from 2020 on' if car.recent else 'before 2020'}; the car has a heat pump"
-        document["climate"] = {
-            "heat_pump_max_heat_w": _class(heat_w, "W", how),
-            "heat_pump_cop_at_0_degc": _class(cop, "1", how),
-        }
-    return document
+    return with_entries(document, entries)
 
 
-def _class(value: float, unit: str, estimated: str) -> dict[str, Any]:
-    return entry(value, unit, "class of the car", "estimate", estimated)
+def _class(value: float, estimated: str) -> dict[str, Any]:
+    return entry(value, "class of the car", "estimate", estimated)
 
 
 def _road_load(car: Figures, classes: ClassValues) -> dict[str, Any]:
@@ -214,16 +205,10 @@ def _road_load(car: Figures, classes: ClassValues) -> dict[str, Any]:
         c = 0.5 * ROAD_LOAD_DENSITY_KG_M3 * area
         run = Coastdown(rolling * weight, classes.rolling_per_speed_s_m * weight, c, mass)
         how = f"medians of {classes.cars} measured coast-downs, for the weight with a driver and the drag area of the body {car.body}, {area:.3f} m2"
-        about = _class(0.0, "", how)
-    values = {
-        "coastdown_a_n": (run.a_n, "N"),
-        "coastdown_b_n_s_m": (run.b_n_s_m, "N s/m"),
-        "coastdown_c_n_s2_m2": (run.c_n_s2_m2, "N s2/m2"),
-        "coastdown_mass_kg": (run.mass_kg, "kg"),
-    }
-    entries = {key: {**about, "value": value, "unit": unit} for key, (value, unit) in values.items()}
+        about = _class(0.0, how)
+    entries = {f"road_load.coastdown_{key}": {**about, "value": value} for key, value in asdict(run).items()}
     how = "SAE J2263 reference conditions, 20 degC and 98.21 kPa, ideal gas"
-    return entries | {"coastdown_air_density_kg_m3": entry(ROAD_LOAD_DENSITY_KG_M3, "kg/m3", how, "facts")}
+    return entries | {"road_load.coastdown_air_density_kg_m3": entry(ROAD_LOAD_DENSITY_KG_M3, how, "facts")}
 
 
 def _battery(car: Figures) -> dict[str, Any]:
@@ -231,23 +216,13 @@ def _battery(car: Figures) -> dict[str, Any]:
     _, mean_v, nominal_v = CHEMISTRIES[car.chemistry]
     cells = round(volts / nominal_v)
     how = f"{energy_wh / 1000.0:g} kWh usable at a mean of {mean_v:g} V of {cells} cells in series"
+    nominal = f"{volts:g} V nominal at {nominal_v:g} V a cell"
+    heat_j_k, warming = PACK_KG_PER_KWH * energy_wh, f"{PACK_KG_PER_KWH:g} kg/kWh at 1000 J/(kg K)"
+    own = {"value": energy_wh / (cells * mean_v), "scale": "displayed_soc", "estimated": how}
     return {
-        "capacity_ah": {
-            **car.usable_energy,
-            "value": energy_wh / (cells * mean_v),
-            "unit": "Ah",
-            "scale": "displayed_soc",
-            "estimated": how,
-        },
-        "cells_in_series": {
-            **car.pack_voltage,
-            "value": cells,
-            "unit": "1",
-            "estimated": f"{volts:g} V nominal at {nominal_v:g} V a cell",
-        },
-        "heat_capacity_j_k": _class(
-            PACK_KG_PER_KWH * energy_wh, "J/K", f"{PACK_KG_PER_KWH:g} kg/kWh at 1000 J/(kg K)"
-        ),
-        "displayed_zero_soc": _class(DISPLAY[0], "1", "a reserve at each end"),
-        "displayed_full_soc": _class(DISPLAY[1], "1", "a reserve at each end"),
+        "battery.capacity_ah": {**car.usable_energy, **own},
+        "battery.cells_in_series": {**car.pack_voltage, "value": cells, "estimated": nominal},
+        "battery.heat_capacity_j_k": _class(heat_j_k, warming),
+        "battery.displayed_zero_soc": _class(DISPLAY[0], "a reserve at each end"),
+        "battery.displayed_full_soc": _class(DISPLAY[1], "a reserve at each end"),
     }
