@@ -16,6 +16,7 @@ from tripwatt.arrays import FloatArray, IntArray, distance_driven
 from tripwatt.errors import InvalidInput
 from tripwatt.hybrid import SegmentTable, StageRecord, identify, resimulated, segment_trips, stage_record
 from tripwatt.hybrid.climate_log import TOLD_BY
+from tripwatt.hybrid.rows import taken
 from tripwatt.hybrid.segments import SEGMENT_S
 from tripwatt.hybrid.trip_table import TripTable, build_table
 from tripwatt.trips import (
@@ -92,12 +93,13 @@ class ForecastData:
     def take(self, members: IntArray) -> ForecastData:
         """Return some of the trips by their ascending numbers."""
         rows = np.isin(self.segments.groups, members)
+        kept = {name: getattr(self, name) for name in ("plans", "logs", "stages", "trips")}
         return replace(
-            self.take_stages(members),
+            self,
             table=self.table.take(members),
+            segments=self.segments.take(members),
             data_features=self.data_features[rows].reset_index(drop=True),
-            logs=tuple(self.logs[i] for i in members),
-            trips=tuple(self.trips[i] for i in members) if self.trips else (),
+            **{name: taken(values, members) for name, values in kept.items() if values},
         )
 
     def identified(self, trains: Sequence[IntArray]) -> list[tuple[Vehicle, SegmentTable]]:
@@ -111,16 +113,6 @@ class ForecastData:
         new = [car for car in cars if car is not self.vehicle]
         tables = iter(resimulated(self.segments, self.plans, new))
         return [(car, self.segments if car is self.vehicle else next(tables)) for car in cars]
-
-    def take_stages(self, members: IntArray) -> ForecastData:
-        """Return some of the trips with what `identified` needs; all other fields are empty."""
-        return replace(
-            self.slim(),
-            segments=self.segments.take(members),
-            data_features=self.data_features.iloc[:0],
-            plans=tuple(self.plans[i] for i in members),
-            stages=tuple(self.stages[i] for i in members),
-        )
 
     def slim(self) -> ForecastData:
         """Return the segments and data features alone, which are cheap to send to a process."""

@@ -126,9 +126,9 @@ class ForecastMethod(Method[ForecastData]):
         """Identify the car, fit model and uncertainty."""
         ((vehicle, segments),) = data.identified([train])
         model = ForecastModel(vehicle, self.corrector, seed)
-        training = data.take_stages(train)
         model.fit_segments(
-            segments.take(train), again=lambda several: [t for _, t in training.identified(several)]
+            segments.take(train),
+            again=lambda several: [t.take(train) for _, t in data.identified([train[s] for s in several])],
         )
         forecast_of_trip: dict[int, Forecast] = {}
 
