@@ -288,8 +288,8 @@ class HoldOutChoice:
 
     Attributes
     ----------
-    chosen : tuple of (str or Splitter) or None
-        None for all hold-outs of the protocol.
+    chosen : mapping of str to (str or Splitter), or None
+        Name, or class of a splitter with a number if it occurs again -> hold-out; None for all hold-outs of the protocol.
 
     Examples
     --------
@@ -297,7 +297,7 @@ class HoldOutChoice:
     [('leave_one_trip_out', 'reference')]
     """
 
-    chosen: tuple[str | Splitter, ...] | None = None
+    chosen: Mapping[str, str | Splitter] | None = None
 
     @classmethod
     def from_argument(cls, hold_outs: HoldOuts | None) -> HoldOutChoice:
@@ -333,12 +333,7 @@ class HoldOutChoice:
         wrong = [f"{c!r}"[:80] for c, good in zip(chosen, usable, strict=True) if not good]
         wrong += [] if chosen else ["an empty list"]
         raise_faults(Fault("unknown hold-out", "hold_outs", got, allowed) for got in wrong)
-        return cls(chosen)
-
-    @property
-    def labels(self) -> list[str]:
-        """The names, and the classes of the splitters; a class that occurs again gets a number."""
-        return numbered_names(self.chosen or ())
+        return cls(dict(zip(numbered_names(chosen), chosen, strict=True)))
 
     def select(self, available: Sequence[tuple[str, str]]) -> list[tuple[str, str | Splitter]]:
         """Find the chosen hold-outs among those of a protocol.
@@ -368,7 +363,7 @@ class HoldOutChoice:
         """
         chosen: list[tuple[str, str | Splitter]] = []
         faults = []
-        for label, choice in zip(self.labels, self.chosen or (), strict=True):
+        for label, choice in (self.chosen or {}).items():
             matching = [pair for pair in available if choice in {*pair, ":".join(pair)}]
             if not isinstance(choice, str):
                 chosen.append((label, choice))
@@ -394,10 +389,10 @@ class HoldOutChoice:
 
         Examples
         --------
-        >>> HoldOutChoice(("reference",)).notes([])
+        >>> HoldOutChoice.from_argument("reference").notes([])
         []
         """
-        grouped = [label for label in self.labels if "Group" in label and number_days(trips) is None]
+        grouped = [label for label in self.chosen or () if "Group" in label and number_days(trips) is None]
         return [f"{label}: {WITHOUT_GROUPS}" for label in grouped]
 
 
