@@ -87,14 +87,18 @@ def read_objects(path: Path, *, settlements_only: bool = False) -> Iterator[Name
     InvalidInput
         If the extract cannot be read, or `osmium` is not installed.
     """
-    osmium = _osmium()
     try:
+        import osmium  # an extra
+        import osmium.filter
+
         keys, objects = ("place",), osmium.FileProcessor(str(path), osmium.osm.NODE)
         if not settlements_only:
             keys = ("place", "highway", "addr:housenumber", *POINTS_OF_INTEREST)
             objects = osmium.FileProcessor(str(path), osmium.osm.NODE | osmium.osm.WAY).with_locations()
         for element in objects.with_filter(osmium.filter.KeyFilter(*keys)):
             yield from _read(element)
+    except ImportError as error:
+        raise InvalidInput.of("missing package", "tripwatt map build", str(error), fix=EXTRA) from error
     except (RuntimeError, OSError) as error:
         got, allowed = str(error)[:120], "an OpenStreetMap extract"
         raise InvalidInput.of("cannot read the extract", path.name, got, allowed) from error
@@ -216,12 +220,3 @@ def _output_w(tags: Mapping[str, str], socket: str, kind: PlugKind) -> float:
 def _whole_w(tags: Mapping[str, str]) -> float:
     """Return the power of a whole station by its tags [W], or 0."""
     return max(power_w(tags.get(key, "")) for key in ("charging_station:output", "maxpower"))
-
-
-def _osmium() -> Any:
-    try:
-        import osmium  # an extra
-        import osmium.filter
-    except ImportError as error:
-        raise InvalidInput.of("missing package", "tripwatt map build", str(error), fix=EXTRA) from error
-    return osmium
