@@ -17,7 +17,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Final
 
-from tripwatt.errors import InvalidInput, RemoteError, install
+from tripwatt.errors import InvalidInput, RemoteError, install, system_errors
 from tripwatt.roads.routers.valhalla import ValhallaRouter
 
 FOLDER_VARIABLE: Final = "TRIPWATT_VALHALLA"
@@ -114,10 +114,8 @@ def build_tiles(folder: Path, extract: Path) -> None:
     config.write_text(json.dumps(configuration(folder)), "utf-8")
     try:
         command = [str(program), "-c", str(config), str(extract)]
-        done = subprocess.run(command, capture_output=True, text=True, errors="replace")
-    except OSError as error:
-        got = f"{program.name}: {error.strerror or error}"
-        raise InvalidInput.of("cannot run Valhalla", str(program), got, "an executable file") from error
+        with system_errors("cannot run Valhalla", str(program), "an executable file", program.name):
+            done = subprocess.run(command, capture_output=True, text=True, errors="replace")
     finally:
         config.unlink(missing_ok=True)
     if done.returncode != 0 or not any((folder / "tiles").rglob("*.gph")):
