@@ -91,9 +91,9 @@ def read_objects(path: Path, *, settlements_only: bool = False) -> Iterator[Name
         import osmium  # an extra
         import osmium.filter
 
-        keys, objects = ("place",), osmium.FileProcessor(str(path), osmium.osm.NODE)
+        keys, objects = ["place"], osmium.FileProcessor(str(path), osmium.osm.NODE)
         if not settlements_only:
-            keys = ("place", "highway", "addr:housenumber", *POINTS_OF_INTEREST)
+            keys += ["highway", "addr:housenumber", *POINTS_OF_INTEREST]
             objects = osmium.FileProcessor(str(path), osmium.osm.NODE | osmium.osm.WAY).with_locations()
         for element in objects.with_filter(osmium.filter.KeyFilter(*keys)):
             yield from _read(element)
