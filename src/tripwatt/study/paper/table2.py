@@ -112,7 +112,7 @@ class Table2Corrector:
         """
         frame, rows = self._training(X, groups)
         with gamm_engine() as engine:
-            self.model_ = self._model(engine).fit(frame, np.asarray(y)[rows], groups=groups[rows])
+            self.model_ = self._model(engine, frame).fit(frame, np.asarray(y)[rows], groups=groups[rows])
         return self
 
     def predict(self, X: pd.DataFrame) -> FloatArray:
@@ -157,7 +157,7 @@ class Table2Corrector:
         units = groups if folds is None else folds
         frame, rows = self._training(X, groups)
         with gamm_engine() as engine:
-            predictions = self._model(engine).leave_groups_out(
+            predictions = self._model(engine, frame).leave_groups_out(
                 frame,
                 np.asarray(y)[rows],
                 groups=groups[rows],
@@ -212,12 +212,9 @@ class Table2Corrector:
         return np.asarray((total / count)[block])
 
     def _training(self, X: pd.DataFrame, groups: IntArray) -> tuple[pd.DataFrame, IntArray]:
-        """Return the rows of the fit and their numbers; set the medians and the terms that are left out."""
+        """Set the medians, and return the rows of the fit and their numbers."""
         self.medians_ = X.select_dtypes("number").median()
-        frame, rows = self.training_frame(X, groups)
-        varying = {name for name in map(str, frame) if len(frame[name].unique()) > 1}
-        self.left_out_ = tuple(term for term in self.terms if not varying.issuperset(_names_in(term)))
-        return frame, rows
+        return self.training_frame(X, groups)
 
     def training_frame(self, X: pd.DataFrame, groups: IntArray) -> tuple[pd.DataFrame, IntArray]:
         """Choose the rows that `fit` uses.
@@ -241,7 +238,11 @@ class Table2Corrector:
         rows = np.flatnonzero((position % self.every_rows == 0) | last).astype(np.int64)
         return self.frame(X.iloc[rows], groups[rows]), rows
 
-    def _model(self, engine: ModuleType) -> Any:
+    def _model(self, engine: ModuleType, frame: pd.DataFrame) -> Any:
+        """Make the unfitted engine for the rows of a fit; set the terms that are left out."""
+        varying = {name for name in map(str, frame) if len(frame[name].unique()) > 1}
+        columns = {term: engine.formula.parse_formula(f"y ~ {term}").columns for term in self.terms}
+        self.left_out_ = tuple(term for term in self.terms if not varying.issuperset(columns[term]))
         formula = "y ~ " + " + ".join(term for term in self.terms if term not in self.left_out_)
         family = engine.ScaledT(min_df=self.min_df) if self.errors == "t" else "gaussian"
         rho = "estimate" if self.errors == "ar1" else None
@@ -270,10 +271,3 @@ class Table2Corrector:
         if groups is not None:
             frame["trip"] = groups.astype(str)
         return frame
-
-
-def _names_in(term: str) -> list[str]:
-    """Return the names of the columns in a term of `TABLE2`."""
-    inner = term[2:-1] if term.startswith("s(") else term
-    parts = [part.strip() for part in inner.split(",")]
-    return [p.removeprefix("by=") for p in parts if "=" not in p or p.startswith("by=")]
