@@ -396,10 +396,8 @@ def _in_time(car: CarTrips, vehicle: Vehicle, others: Population) -> tuple[pd.Da
 
 def _scores(table: pd.DataFrame) -> dict[str, Any]:
     """Return the error, the coverage of the 90 % interval, and its width over the energy beside the width that was needed."""
-    observed, forecast, low, high = (
-        table[name].to_numpy(dtype=np.float64)
-        for name in ("observed_energy_wh", "forecast_wh", "low_wh", "high_wh")
-    )
+    names = ["observed_energy_wh", "forecast_wh", "low_wh", "high_wh"]
+    observed, forecast, low, high = table[names].to_numpy(dtype=np.float64).T
     covered = Coverage.from_bounds(observed, low, high, LEVEL)
     relative = np.abs(forecast - observed) / observed
     needed = 2.0 * float(np.quantile(relative, LEVEL))
