@@ -17,7 +17,7 @@ export MYPY_NUM_WORKERS ?= $(WORKERS)
 PIP_INSTALL = -m pip install --quiet --disable-pip-version-check
 UV = UV_CACHE_DIR=.venv-tools/cache UV_PYTHON_DOWNLOADS=never .venv-tools/bin/uv
 
-.PHONY: types run check check-latest lowest constraints image release docs bench peers bars bars-fleet results page browser add-on hass clean
+.PHONY: types run depot check check-latest lowest constraints image release docs bench peers bars bars-fleet results page browser add-on hass clean
 
 .venv/.ready: pyproject.toml gamm/pyproject.toml
 	$(PYTHON) -m venv .venv
@@ -79,6 +79,14 @@ endef
 
 run: .venv/.ready  ## the main job: on DATA, or on the sample of real trips in the package
 	.venv/bin/tripwatt evaluate $(DATA) --out $(OUT)
+
+NIGHT = --planned docs/examples/tonight.csv --begins 2040-01-11T18:00+01:00 --plug 11000 --grid 22 --tariff docs/examples/prices.csv
+depot: .venv/.ready  ## an example depot: its report, its night and the vehicles for its routes, into out/depot
+	rm -rf out/depot
+	.venv/bin/tripwatt store create out/depot/store --example
+	.venv/bin/tripwatt fleet fit out/depot/store out/depot/models
+	.venv/bin/tripwatt fleet report out/depot/store out/depot/models $(NIGHT) --drivers --out out/depot/report
+	.venv/bin/tripwatt fleet choose docs/examples/tonight.csv --registry out/depot/models --climate out/depot/store
 
 check: .venv-check/.ready  ## the whole gate, with the versions of constraints/check.txt
 	$(call gate,.venv-check)

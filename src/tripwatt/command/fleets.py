@@ -36,7 +36,7 @@ CLUSTER = "Scheduler of a Dask cluster, such as tcp://10.0.0.5:8786, in place of
 CHOICES = "A library car, a TOML file, or all cars of a body, such as van. Repeatable."
 CLIMATE = "CSV with month, mean_degc, sd_k; or a store, whose trips have temperatures. Default: ROUTES."
 CHOICE = {"route": "{route}", "vehicle": "{vehicle}", "year": "{chance:.0%}", "worst month": "{worst_chance:.0%}", "month": "{worst_month}",
-          "charge": "{soc_needed:.0%}", "Wh/year": "{energy_wh:,.0f}", "€/year": "{cost:,.0f}", "smallest": "{smallest}"}  # fmt: skip
+          "charge": "{soc_needed:.0%}", "kWh/year": "{energy_wh:,.0f}", "€/year": "{cost:,.0f}", "smallest": "{smallest}"}  # fmt: skip
 WARRANTY = "What is guaranteed of the batteries' energy, up to which age and distance; a choice."
 WORK = "Folder of finished parts, which every worker reaches. Default: REGISTRY/work."
 
@@ -387,7 +387,8 @@ def choose(
 def _show_choices(table: pd.DataFrame, power: pd.DataFrame) -> None:
     from tripwatt.fleet.nights import records
 
-    first = table.sort_values(["is_assigned", "worst_chance"], ascending=False, kind="stable")
+    kwh = table.assign(energy_wh=table["energy_wh"] / 1000.0)
+    first = kwh.sort_values(["is_assigned", "worst_chance"], ascending=False, kind="stable")
     rows = records(first.fillna({"smallest": "none"}).drop_duplicates("route").sort_values("route"))
     cells = [[form.format(**row) for form in CHOICE.values()] for row in rows]
     print_table("Enough with one charge", [*CHOICE], cells, numbers=[*CHOICE][2:-1])
