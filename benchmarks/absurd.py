@@ -21,7 +21,8 @@ import tripwatt as tw
 from benchmarks.measure import Row, report
 from tripwatt.population.cars import for_car
 from tripwatt.roads.journey import Atlas, JourneyOptions, Place, RoadForecaster, journey_with
-from tripwatt.roads.maps import KnownHeights, Station
+from tripwatt.roads.maps.heights import KnownHeights
+from tripwatt.roads.maps.stations import Station
 from tripwatt.vehicles import vehicle_names
 
 NUMBER: Final = 2000

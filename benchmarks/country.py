@@ -30,8 +30,8 @@ from tools.docs import pages
 import tripwatt as tw
 from benchmarks.measure import Row, not_measured, reference_loop, report
 from tripwatt.roads.journey import Atlas, JourneyOptions, Place, RoadForecaster, journey_with, open_atlas
-from tripwatt.roads.maps import MapFolder, build_map
 from tripwatt.roads.maps.engine import valhalla_folder
+from tripwatt.roads.maps.folder import MapFolder, build_map
 
 BYTES_PER_MB: Final = 1e6
 

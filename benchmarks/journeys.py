@@ -30,8 +30,8 @@ from tripwatt.roads.journey import (
     journey_with,
     open_atlas,
 )
-from tripwatt.roads.maps import MapFolder, build_map
 from tripwatt.roads.maps.engine import valhalla_folder
+from tripwatt.roads.maps.folder import MapFolder, build_map
 from tripwatt.roads.routers.road import Road
 from tripwatt.roads.routers.servers import osrm_leg
 from tripwatt.routes import route_from_links

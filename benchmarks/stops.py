@@ -24,7 +24,7 @@ from tripwatt.roads.journey.corridor import Corridor, JourneyOptions
 from tripwatt.roads.journey.plans import find_plans
 from tripwatt.roads.journey.solver import LEVELS, least_time
 from tripwatt.roads.journey.stops import ChargingPlan
-from tripwatt.roads.maps import Station
+from tripwatt.roads.maps.stations import Station
 from tripwatt.trips import Departure, Plan, Trip
 from tripwatt.uncertainty import ChargeScale, UncertaintyModel
 from tripwatt.uncertainty.charge import NORMAL_SCALE

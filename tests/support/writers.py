@@ -179,7 +179,8 @@ def run(text):
 
 MAP: Final = """
 import json, sqlite3
-from tripwatt.roads.maps import build_map, folder as module, open_map
+from tripwatt.roads.maps import folder as module
+from tripwatt.roads.maps.folder import build_map, open_map
 EXTRACTS = {"old": 60, "new": 180}
 module.require_valhalla = lambda: None
 def tiles(work, extract):

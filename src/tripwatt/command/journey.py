@@ -18,7 +18,7 @@ from tripwatt.trips.showing import period
 
 if TYPE_CHECKING:
     from tripwatt.roads.journey import Reach
-    from tripwatt.roads.maps import MapFolder
+    from tripwatt.roads.maps.folder import MapFolder
 
 COSTS: Final = {"climate": "Climate control", "wind": "Wind", "speed": "Speeds above 100 km/h on motorways"}
 """Key of `costs_wh` -> words for what costs energy on a journey."""
@@ -123,7 +123,7 @@ def places(
       # find places by the start of their names
       tripwatt places landstr --map map
     """
-    from tripwatt.roads.maps import ATTRIBUTION, open_map
+    from tripwatt.roads.maps.folder import ATTRIBUTION, open_map
     from tripwatt.roads.search import open_search
 
     folder = None if places_url else open_map(map_.partition("@")[0])
@@ -188,7 +188,7 @@ def build(
       # with elevation tiles (N47E009.hgt, N47E009.hgt.zip, GeoTIFF)
       tripwatt map build region.osm.pbf --elevation srtm --out map
     """
-    from tripwatt.roads.maps import build_map
+    from tripwatt.roads.maps.folder import build_map
 
     def progress(step: str) -> None:
         print_notes([f"building: {step}"])
@@ -204,7 +204,7 @@ def info(folder: Annotated[Path, argument("FOLDER", "Folder of the map.")]) -> A
       # what a map holds
       tripwatt map info map
     """
-    from tripwatt.roads.maps import open_map
+    from tripwatt.roads.maps.folder import open_map
 
     return _described(open_map(folder))
 

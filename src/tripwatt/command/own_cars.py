@@ -86,7 +86,7 @@ def add(
     opened, shown = tw.open_car(car), console()
     options: dict[str, Any] = {"car": opened.vehicle}
     if elevation is not None:
-        from tripwatt.roads.maps import Elevation
+        from tripwatt.roads.maps.elevation import Elevation
 
         options["heights"] = Elevation.from_folder(elevation).at
     with progress(shown, "files") as advance:

@@ -16,7 +16,7 @@ from tripwatt.forecasting.leaving import forecasts_like
 from tripwatt.roads.advice import leaving_later
 from tripwatt.roads.advice.actions import ALONE, Action, actions, replan_with
 from tripwatt.roads.journey import Place, RoadForecaster
-from tripwatt.roads.maps import Station
+from tripwatt.roads.maps.stations import Station
 from tripwatt.roads.routers import Road
 from tripwatt.roads.weather import Weather
 

@@ -8,7 +8,7 @@ import numpy as np
 import tripwatt as tw
 from tripwatt.errors import InvalidInput
 from tripwatt.roads.journey import Atlas, JourneyOptions, Place, plan_journey
-from tripwatt.roads.maps import Station
+from tripwatt.roads.maps.stations import Station
 from tripwatt.roads.routers import Edges, Road, join_edges
 
 A, B = Place(47.0, 9.0, "A"), Place(47.0, 9.8, "B")

@@ -9,7 +9,7 @@ from tests.roads.journey.made import COLD, journey
 from tripwatt.errors import InvalidInput
 from tripwatt.roads.journey import ChargingCurve, Place
 from tripwatt.roads.journey.charging import AMERICAN, EFFICIENCY, EUROPEAN, cold_factor, plugs_of
-from tripwatt.roads.maps import Station
+from tripwatt.roads.maps.stations import Station
 from tripwatt.vehicles import load_vehicle
 
 

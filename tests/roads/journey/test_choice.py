@@ -8,7 +8,7 @@ from tests.roads.journey.test_stops import FAR, LOW, row
 
 import tripwatt as tw
 from tripwatt.errors import InvalidInput
-from tripwatt.roads.maps import Plug, Station
+from tripwatt.roads.maps.stations import Plug, Station
 from tripwatt.routes.places import Place
 
 MILD = tw.Departure(soc=0.8, ambient_temperature_degc=12.0)

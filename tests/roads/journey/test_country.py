@@ -12,8 +12,9 @@ from tools.data.country import SIZES, Country, Heights, degrees, write_country
 
 import tripwatt as tw
 from tripwatt.roads.journey import Atlas, JourneyOptions, open_atlas, plan_journey
-from tripwatt.roads.maps import MapFolder, build_map, near
 from tripwatt.roads.maps.engine import valhalla_folder
+from tripwatt.roads.maps.folder import MapFolder, build_map
+from tripwatt.roads.maps.stations import near
 from tripwatt.routes.places import Place
 
 

@@ -14,7 +14,7 @@ from tripwatt.errors import InvalidInput
 from tripwatt.forecasting.leaving import leaving_with, soc_needed
 from tripwatt.roads.journey import Atlas, JourneyOptions, Place, RoadForecaster, plan_journey
 from tripwatt.roads.journey.forecasting import cap_motorway_speed
-from tripwatt.roads.maps import Station
+from tripwatt.roads.maps.stations import Station
 
 
 def test_the_charge_to_leave_with_arrives_in_19_of_20_trips(model):

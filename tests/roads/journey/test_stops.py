@@ -20,7 +20,8 @@ from tripwatt.roads.journey.charging import WARM_DEGC
 from tripwatt.roads.journey.corridor import Corridor, Leg
 from tripwatt.roads.journey.solver import StopPlan
 from tripwatt.roads.journey.stops import variance_along
-from tripwatt.roads.maps import KnownHeights, Plug, Station
+from tripwatt.roads.maps.heights import KnownHeights
+from tripwatt.roads.maps.stations import Plug, Station
 from tripwatt.trips.showing import period
 
 WRONG_PLAN = {

@@ -20,8 +20,8 @@ import tripwatt as tw
 from tripwatt.command.sentences import chance_to_arrive, journey_in_words, unknown_climb_in_words
 from tripwatt.errors import InvalidInput
 from tripwatt.roads.journey import Atlas, JourneyOptions, RoadForecaster, find_reach, open_atlas, plan_journey
-from tripwatt.roads.maps import MapFolder, build_map
 from tripwatt.roads.maps.engine import valhalla_folder
+from tripwatt.roads.maps.folder import MapFolder, build_map
 from tripwatt.roads.routers import Road, Router, open_server
 from tripwatt.routes.links import FLAT_ROAD
 from tripwatt.routes.places import Place

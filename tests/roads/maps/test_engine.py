@@ -8,8 +8,8 @@ import pytest
 from tests.support.router_server import served_configuration
 
 from tripwatt.errors import InvalidInput
-from tripwatt.roads.maps import build_map
 from tripwatt.roads.maps.engine import build_tiles, configuration, valhalla_folder
+from tripwatt.roads.maps.folder import build_map
 
 CONFIGURATION = """
 class Optional: ...

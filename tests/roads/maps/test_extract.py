@@ -6,9 +6,8 @@ import pytest
 from tests.roads.maps.made import node, osm, way
 
 from tripwatt.errors import InvalidInput
-from tripwatt.roads.maps import Plug, Station
 from tripwatt.roads.maps.extract import Height, Named, read_objects, station_of_tags
-from tripwatt.roads.maps.stations import PLUG_KINDS
+from tripwatt.roads.maps.stations import PLUG_KINDS, Plug, Station
 
 
 @pytest.fixture

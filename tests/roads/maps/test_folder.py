@@ -9,7 +9,7 @@ from tests.roads.maps.made import node, osm
 from tests.support.router_server import write_map
 
 from tripwatt.errors import Fault, InvalidInput
-from tripwatt.roads.maps import build_map, open_map
+from tripwatt.roads.maps.folder import build_map, open_map
 
 
 def names(found):

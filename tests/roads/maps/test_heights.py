@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from tests.support.height_field import KM_DEG, height_field
 
-from tripwatt.roads.maps import KnownHeights
+from tripwatt.roads.maps.heights import KnownHeights
 from tripwatt.routes.terrain import GROWTH, REFERENCE_M
 from tripwatt.trips.plan import KnownClimb
 

@@ -10,10 +10,10 @@ import pytest
 from tests.support.refusals import refuses
 from tests.support.router_server import OBJECTS, SETTLEMENTS
 
-from tripwatt.roads.maps import PlaceIndex, Plug, Station
 from tripwatt.roads.maps.extract import Height, Named
-from tripwatt.roads.maps.index import write_index
+from tripwatt.roads.maps.index import PlaceIndex, write_index
 from tripwatt.roads.maps.near_words import mistakes, near_words
+from tripwatt.roads.maps.stations import Plug, Station
 from tripwatt.roads.search import find_place
 from tripwatt.routes.places import Place
 

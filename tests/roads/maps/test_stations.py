@@ -6,8 +6,8 @@ import pytest
 
 from tripwatt.errors import InvalidInput
 from tripwatt.roads.journey.charging import AMERICAN, EUROPEAN
-from tripwatt.roads.maps import Plug, Station, near, read_stations, stations, within
-from tripwatt.roads.maps.stations import HOUSEHOLD, PLUG_KINDS
+from tripwatt.roads.maps import stations
+from tripwatt.roads.maps.stations import HOUSEHOLD, PLUG_KINDS, Plug, Station, near, read_stations, within
 from tripwatt.routes.places import Place
 
 DEGREE_M = 111_195.0797343687

@@ -18,7 +18,7 @@ from tripwatt.population import for_car
 from tripwatt.roads.journey import Need, need
 from tripwatt.roads.journey.charging import EFFICIENCY, ChargingCurve
 from tripwatt.roads.journey.kinds import typical_road
-from tripwatt.roads.maps import Station
+from tripwatt.roads.maps.stations import Station
 from tripwatt.trips import Departure, Flag, Plan, Trip
 from tripwatt.trips.messages import leave_in_words
 from tripwatt.units import SECONDS_PER_HOUR, WH_PER_J

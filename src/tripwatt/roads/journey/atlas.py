@@ -9,9 +9,11 @@ from pathlib import Path
 from typing import Final
 
 from tripwatt.errors import Check, InvalidInput
-from tripwatt.roads.maps import ATTRIBUTION, KnownHeights, MapFolder, Station, open_map, read_stations, within
 from tripwatt.roads.maps.elevation import MARGIN_DEG, Elevation
 from tripwatt.roads.maps.engine import router_in_process
+from tripwatt.roads.maps.folder import ATTRIBUTION, MapFolder, open_map
+from tripwatt.roads.maps.heights import KnownHeights
+from tripwatt.roads.maps.stations import Station, read_stations, within
 from tripwatt.roads.routers import Router, ValhallaRouter, is_server, open_server
 from tripwatt.roads.search import PlaceSearch, find_place, open_search
 from tripwatt.roads.weather import WeatherServer, WeatherSource
@@ -76,7 +78,7 @@ class Atlas:
 
     Examples
     --------
-    >>> from tripwatt.roads.maps import Station
+    >>> from tripwatt.roads.maps.stations import Station
     >>> from tripwatt.roads.routers import open_server
     >>> router = open_server("osrm=http://127.0.0.1:5000")
     >>> atlas = Atlas(router, stations=(Station(47.0, 9.0, "A", 5e4), Station(48.0, 9.0, "B", 5e4)))

@@ -9,7 +9,7 @@ import numpy as np
 
 from tripwatt.arrays import FloatArray
 from tripwatt.errors import InvalidInput
-from tripwatt.roads.maps import Station
+from tripwatt.roads.maps.stations import Station
 from tripwatt.routes.places import Place
 from tripwatt.units import SECONDS_PER_HOUR
 from tripwatt.vehicles import Vehicle

@@ -24,7 +24,7 @@ from tripwatt.roads.journey.charging import OVERHEAD_S, WARM_DEGC, ChargingCurve
 from tripwatt.roads.journey.forecasting import RoadForecaster
 from tripwatt.roads.journey.solver import LEVELS, StopPlan, StopProblem, least_time
 from tripwatt.roads.journey.stops import SAME_TIME_S, START_M, Leg, variance_along
-from tripwatt.roads.maps import Station, near
+from tripwatt.roads.maps.stations import Station, near
 from tripwatt.roads.routers import Road
 from tripwatt.routes.places import Place
 from tripwatt.trips.columns import Column, number_faults, scalar_faults

@@ -13,7 +13,7 @@ from tripwatt.arrays import BoolArray
 from tripwatt.forecasting import Forecast, ForecastModel
 from tripwatt.forecasting.forecast import Forecaster
 from tripwatt.physics import simulate_trip
-from tripwatt.roads.maps import KnownHeights
+from tripwatt.roads.maps.heights import KnownHeights
 from tripwatt.roads.routers import Road
 from tripwatt.roads.weather import Weather, WeatherSource, forecast_sd, plan_with_weather, weather_along
 from tripwatt.trips import Departure, Plan

@@ -16,7 +16,7 @@ from tripwatt.forecasting import Forecast
 from tripwatt.forecasting.difference import Difference
 from tripwatt.forecasting.leaving import leaving_with
 from tripwatt.roads.journey.solver import joint_chance
-from tripwatt.roads.maps import Station
+from tripwatt.roads.maps.stations import Station
 from tripwatt.roads.routers import Road
 from tripwatt.trips import Departure
 from tripwatt.trips.showing import period

@@ -15,7 +15,7 @@ import numpy as np
 import orjson
 
 from tripwatt.roads.journey import AtlasSettings
-from tripwatt.roads.maps import build_map
+from tripwatt.roads.maps.folder import build_map
 from tripwatt.server.cars.car import Car
 from tripwatt.server.cars.folder import create_car, issue_token
 from tripwatt.server.cars.telemetry import Sample
