@@ -261,11 +261,8 @@ class Corridor:
     def cell_degc(self) -> FloatArray:
         """Temperature of the battery's cells at each node on the way without stops [°C]."""
         run = self.forecast.drive.simulation
-        return np.interp(
-            self._at_nodes(self.forecast.along.time_s),
-            run.time_s - run.time_s[0],
-            run.battery_temperature_degc,
-        )
+        time_s, driven_s = self._at_nodes(self.forecast.along.time_s), run.time_s - run.time_s[0]
+        return np.interp(time_s, driven_s, run.battery_temperature_degc)
 
     @cached_property
     def preheat_soc(self) -> FloatArray:

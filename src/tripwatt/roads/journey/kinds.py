@@ -149,9 +149,7 @@ class RoadPrior:
         turns = max(round(distance_m / _PATTERN_M), 1)
         halves = ((0, 0.5), (1, 0.5), (2, 1.0), (1, 0.5), (0, 0.5))
         pieces = [(distance_m / turns * part * shares[k], self.speed_m_s[k]) for k, part in halves]
-        length, speed = (
-            np.array(column) for column in zip(*[p for p in pieces if p[0] > 0.0] * turns, strict=True)
-        )
+        length, speed = np.array([p for p in pieces if p[0] > 0.0] * turns).T
         time, unknown = length / speed, np.full(len(length), np.nan)
         np.add.at(time, [0, -1], _END_S_PER_M_S * speed[[0, -1]])
         return LinkRoute(length, time, unknown, unknown).plan(trip_id="distance")

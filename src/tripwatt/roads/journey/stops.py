@@ -381,9 +381,8 @@ class ChargingPlan:
             common_wh = common_wh[-1] + leg.common_share * half_wh
             independent_wh2 = independent_wh2[-1] + (1.0 - leg.common_share**2) * half_wh**2
             table["energy_wh"] += energy_wh
-            table[list(ENERGY_BAND)] = table[["energy_wh"]].to_numpy() + np.array([-1.0, 1.0]) * np.sqrt(
-                common_wh**2 + independent_wh2
-            )
+            off_wh = np.array([-1.0, 1.0]) * np.sqrt(common_wh**2 + independent_wh2)
+            table[list(ENERGY_BAND)] = table[["energy_wh"]].to_numpy() + off_wh
             end = table.index[-1], list(_SOC_COLUMNS)
             table.loc[end] = (table.loc[end] - leg.preheat_soc).clip(lower=0.0)
             tables.append(table)
