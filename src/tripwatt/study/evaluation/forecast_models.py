@@ -7,12 +7,13 @@ predict a held-out trip, a model uses its speed trace, its road and what was kno
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cache
 from typing import ClassVar
 
 import numpy as np
 
 from tripwatt.arrays import FloatArray, IntArray
-from tripwatt.forecasting import Forecast, ForecastModel
+from tripwatt.forecasting import ForecastModel
 from tripwatt.hybrid import Corrector, power_corrector
 from tripwatt.hybrid.familiarity import Familiarity
 from tripwatt.hybrid.power import LearnerCorrector
@@ -84,8 +85,7 @@ class DataMethod(PowerMethod):
         segments, columns = data.segments, data.data_features
         learner = self._learner(seed)
         rows = np.isin(segments.groups, train)
-        power_w = segments.take(np.sort(train)).observed_power_w
-        learner.model.fit(columns[rows], power_w, groups=segments.groups[rows])
+        learner.model.fit(columns[rows], segments.observed_power_w[rows], groups=segments.groups[rows])
 
         def predict(test: IntArray) -> FloatArray:
             power = learner.model.predict(columns[np.isin(segments.groups, test)])
@@ -130,19 +130,15 @@ class ForecastMethod(Method[ForecastData]):
             segments.take(train),
             again=lambda several: [t.take(train) for _, t in data.identified([train[s] for s in several])],
         )
-        forecast_of_trip: dict[int, Forecast] = {}
+        forecast = cache(lambda trip: model.forecast(data.plans[trip]))
 
-        def predict(test: IntArray) -> FloatArray:
-            forecast_of_trip.update({int(i): model.forecast(data.plans[int(i)]) for i in test})
-            return np.array([forecast_of_trip[int(i)].energy_wh for i in test])
+        def held_out(trip: int) -> HeldOutForecast:
+            return HeldOutForecast.from_forecast(model, data.plans[trip], forecast(trip), data.logs[trip])
 
-        def forecasts(test: IntArray) -> list[HeldOutForecast]:
-            return [
-                HeldOutForecast.from_forecast(model, data.plans[i], forecast_of_trip[i], data.logs[i])
-                for i in test.tolist()
-            ]
-
-        return Fitted(predict, forecasts)
+        return Fitted(
+            lambda test: np.array([forecast(trip).energy_wh for trip in test.tolist()]),
+            lambda test: [held_out(trip) for trip in test.tolist()],
+        )
 
     def required_data(self, hold_out: HoldOut[ForecastData], scored: IntArray) -> ForecastData:
         """Return everything but the table, the recorded trips, and the logs of trips that are not scored."""
