@@ -21,6 +21,7 @@ import numpy as np
 
 from tripwatt.units import GRAVITY_M_S2, KG_PER_LB, M_S_PER_MPH, N_PER_LBF
 from tripwatt.vehicles.inheriting import DATA
+from tripwatt.vehicles.parts import Number
 from tripwatt.vehicles.vehicle import FIELDS
 
 QUADRICYCLE: Final = "quadricycle"
@@ -243,7 +244,7 @@ class Coastdown:
         """Weight of the car at the coast-down [N]."""
         return self.mass_kg * GRAVITY_M_S2
 
-    def force_n(self, speed_m_s: float, air_share: float = 1.0) -> float:
+    def force_n(self, speed_m_s: Number, air_share: float = 1.0) -> Number:
         """Force at a speed [N]; part C is multiplied by `air_share`."""
         return self.a_n + self.b_n_s_m * speed_m_s + air_share * self.c_n_s2_m2 * speed_m_s**2
 
@@ -313,17 +314,12 @@ def _spreads(
     variances of the logarithm of a car's force over that of its class, at `SPREAD_SPEEDS_M_S`, give two equations for the two
     unknown variances.
     """
-    variances, shares = [], []
-    for speed in SPREAD_SPEEDS_M_S:
-        errors, rolling_shares = [], []
-        for body, run in runs:
-            rolling = (constant + per_speed * speed) * run.weight_n
-            air = 0.5 * ROAD_LOAD_DENSITY_KG_M3 * drag_area_m2[body] * speed**2
-            errors.append(math.log(run.force_n(speed) / (rolling + air)))
-            rolling_shares.append(rolling / (rolling + air))
-        variances.append(statistics.variance(errors))
-        shares.append(statistics.fmean(rolling_shares))
-    found = np.linalg.solve([(share**2, (1.0 - share) ** 2) for share in shares], variances)
+    speed = np.array(SPREAD_SPEEDS_M_S)
+    rolling = np.outer([run.weight_n for _, run in runs], constant + per_speed * speed)
+    air = np.outer([drag_area_m2[body] for body, _ in runs], 0.5 * ROAD_LOAD_DENSITY_KG_M3 * speed**2)
+    errors = np.log([run.force_n(speed) for _, run in runs] / (rolling + air))
+    share = np.mean(rolling / (rolling + air), axis=0)
+    found = np.linalg.solve(np.column_stack((share**2, (1.0 - share) ** 2)), errors.var(axis=0, ddof=1))
     rolling_sd, air_sd = np.sqrt(np.maximum(found, SMALLEST_SPREAD**2)).tolist()
     return rolling_sd, air_sd
 
