@@ -210,17 +210,13 @@ class Departure:
         first: dict[str, Any] = {}
         for name, column in SIGNALS.items():
             value = _first_value(samples, column)
-            bounds = DEPARTURE_BOUNDS.get(name)
-            if value is not None and (
-                bounds is None or not bounds.maximum < value <= COLUMNS[column].maximum
-            ):
+            highest = DEPARTURE_BOUNDS.get(name, COLUMNS[column]).maximum
+            if value is not None and not highest < value <= COLUMNS[column].maximum:
                 first[name] = value
-        if "cabin_setpoint_degc" not in first and context.cabin_setpoint_degc is not None:
-            first["cabin_setpoint_degc"] = context.cabin_setpoint_degc
+        first.setdefault("cabin_setpoint_degc", context.cabin_setpoint_degc)
         others = [name for name in samples.samples if name not in (*COLUMNS, "observed_energy_wh")]
         known = {name: values for name in others if len(values := samples.samples[name].dropna())}
-        if known:
-            first["covariates"] = {f"{name}": _typical(values) for name, values in known.items()}
+        first["covariates"] = {f"{name}": _typical(values) for name, values in known.items()} or None
         same = ("payload_mass_kg", "season", "weather", "follows_trip")
         first |= {"departs_at": context.started_at} | {name: getattr(context, name) for name in same}
         return cls(**first, cabin_logged=True if "cabin_temperature_degc" in first else None)
