@@ -22,6 +22,7 @@ def test_an_atlas_of_a_map_with_the_roads_of_a_server(tmp_path, monkeypatch):
     assert atlas.bounds_deg == (46.9, 8.9, 47.1, 9.2)
     assert atlas.weather is None
     assert atlas.tile(0, 0, 0) == b""
+    assert atlas.covers.startswith(f"this map covers {atlas.folder.covers}; ")
     assert [place.name for place in atlas.settlements(atlas.bounds_deg, 1)] == ["Westend"]
     assert atlas.stations_within(atlas.bounds_deg, 5) == atlas.stations
     monkeypatch.setenv("TRIPWATT_MAP", f"{folder}@http://127.0.0.1:1")
@@ -29,6 +30,7 @@ def test_an_atlas_of_a_map_with_the_roads_of_a_server(tmp_path, monkeypatch):
         open_atlas().router.outline(Place(47.0, 9.0), 10.0)
     server = open_atlas(AtlasSettings("http://127.0.0.1:1", "photon=http://p", "http://w"))
     assert server.settlements((46.9, 8.9, 47.1, 9.2), 5) == ()
+    assert server.covers == ""
     assert (server.places.client.host, server.weather.client.host, server.bounds_deg) == ("p", "w", None)
 
 
