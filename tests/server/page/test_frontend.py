@@ -8,8 +8,10 @@ from pathlib import Path
 from tests.support.front_end import WEB, run
 
 import tripwatt.server.http
+import tripwatt.study.report
 
 PAGE = Path(tripwatt.server.http.__file__).with_name("page")
+REPORT = Path(tripwatt.study.report.__file__).with_name("templates")
 
 
 def test_types_lint_format_and_unit_tests(web: Path) -> None:
@@ -24,6 +26,7 @@ def test_rebuild_has_the_bytes_of_the_bundle(web: Path, tmp_path: Path) -> None:
         file.relative_to(tmp_path / "page"): file for file in (tmp_path / "page").rglob("*") if file.is_file()
     }
     committed = {file.relative_to(PAGE): file for file in PAGE.rglob("*") if file.is_file()}
+    committed |= {Path(name): REPORT / name for name in ("fleet.js", "fleet.css")}
     assert built.keys() == committed.keys()
     assert [str(name) for name in built if built[name].read_bytes() != committed[name].read_bytes()] == []
 
