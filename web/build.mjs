@@ -28,7 +28,7 @@ const SHIPPED = [
   "uqr",
 ];
 /** What the report of a fleet contains, which is one file with its script and licences. */
-const REPORT = join(HERE, "..", "src", "tripwatt", "study", "report", "templates");
+const REPORT = process.argv[3] ?? join(HERE, "..", "src", "tripwatt", "study", "report", "templates");
 const IN_REPORT = ["datatables.net", "uplot"];
 const TARGET = ["es2022", "chrome111", "firefox113", "safari16.4"];
 
@@ -179,7 +179,7 @@ await writeFile(join(OUT, "licences.txt"), await licences([...SHIPPED, ...(await
 const report = await build({
   absWorkingDir: HERE,
   entryPoints: { fleet: "report/main.ts" },
-  outdir: process.argv[2] ?? REPORT,
+  outdir: REPORT,
   write: false,
   bundle: true,
   minify: true,

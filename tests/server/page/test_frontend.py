@@ -20,15 +20,17 @@ def test_types_lint_format_and_unit_tests(web: Path) -> None:
 
 
 def test_rebuild_has_the_bytes_of_the_bundle(web: Path, tmp_path: Path) -> None:
-    found = run(web, "node", "build.mjs", str(tmp_path / "page"))
+    page, report = tmp_path / "page", tmp_path / "report"
+    report.mkdir()
+    found = run(web, "node", "build.mjs", str(page), str(report))
     assert found.returncode == 0, found.stderr[-2000:]
-    built = {
-        file.relative_to(tmp_path / "page"): file for file in (tmp_path / "page").rglob("*") if file.is_file()
-    }
+    built = {file.relative_to(page): file for file in page.rglob("*") if file.is_file()}
     committed = {file.relative_to(PAGE): file for file in PAGE.rglob("*") if file.is_file()}
-    committed |= {Path(name): REPORT / name for name in ("fleet.js", "fleet.css")}
     assert built.keys() == committed.keys()
-    assert [str(name) for name in built if built[name].read_bytes() != committed[name].read_bytes()] == []
+    pairs = [(built[name], committed[name]) for name in built]
+    pairs += [(file, REPORT / file.name) for file in report.iterdir()]
+    assert len(pairs) == len(built) + 2
+    assert [new.name for new, old in pairs if new.read_bytes() != old.read_bytes()] == []
 
 
 def test_lock_file_names_no_host() -> None:
