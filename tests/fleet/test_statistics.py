@@ -1,9 +1,12 @@
 """Rows of trips and their sums."""
 
 import numpy as np
+import pyarrow as pa
 import pytest
 
 pytest.importorskip("deltalake", reason="needs the extra tripwatt[fleet]")
+
+from tripwatt.fleet.statistics import TripRows
 
 
 def test_sums_do_not_depend_on_the_parts(fleet, rows):
@@ -22,3 +25,23 @@ def test_sums_do_not_depend_on_the_parts(fleet, rows):
         scale = np.abs(getattr(whole, name)).max()
         assert np.abs(getattr(merged, name) - getattr(whole, name)).max() < 1e-10 * scale
     assert rows.where(np.zeros(len(rows), dtype=bool)).sums.groups == ()
+
+
+@pytest.mark.parametrize(
+    "texts",
+    [
+        ["2024-03-30T23:00:00", "2024-03-31T00:30:00", "2024-03-31T08:00:00"],
+        ["2024-03-30T23:00+01:00", "2024-03-31T00:30+01:00", "2024-03-31T08:00+01:00"],
+        ["2024-03-31T01:30+01:00", "2024-03-31T03:10+02:00", "2024-03-31T08:00+02:00"],
+        ["2024-03-30T23:00:00", "2024-03-31T01:30+01:00", "2024-03-31T10:00+02:00"],
+    ],
+)
+def test_trips_are_in_order_across_offsets_and_a_change_to_summer_time(rows, texts):
+    table = rows.table.slice(0, 4)
+    at = pa.array([texts[2], texts[0], None, texts[1]], pa.string())
+    order, day = TripRows(
+        table.set_column(table.column_names.index("started_at"), "started_at", at)
+    ).chronological
+    assert order.tolist() == [1, 3, 0]
+    assert np.isnat(day).tolist() == [False, False, True, False]
+    assert day[0] == np.datetime64("2024-03-31")

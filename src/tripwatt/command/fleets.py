@@ -271,7 +271,9 @@ def report(
     coldest: Annotated[float | None, option("DEGC", "Temperature in place of the coldest week's.")] = None,
     drivers: Annotated[bool, flag("--drivers", "Compare drivers, too.")] = False,
     groups: Annotated[Path | None, option("FILE", "CSV: vehicle_id and group, such as the depot.")] = None,
-    new: Annotated[Path | None, option("FILE", "CSV: vehicle_id and new_at, its first day.")] = None,
+    new: Annotated[
+        Path | None, option("FILE", "CSV: vehicle_id and new_at, its first day; else of its logs.")
+    ] = None,
     warranty: Annotated[tuple[float, float, float], option("SHARE YEARS KM", WARRANTY)] = (0.7, 8, 160_000),
     price: Annotated[float, option("EUR", "Price of a kWh from the plug; 0.30 is a choice.", min=0.0)] = 0.3,
     co2: Annotated[float, option("G", "CO2 of a kWh from the plug; 250 is a choice.", min=0.0)] = 250.0,
@@ -316,8 +318,8 @@ def report(
     named = {} if groups is None else read_by_vehicle(groups, "group")
     days = {} if new is None else read_by_vehicle(new, "new_at")
     new_at = {v: f"{parse_time(day, f'{new}: new_at'):%Y-%m-%d}" for v, day in days.items() if day}
-    batteries = new_at, Warranty(*warranty)
-    asked = ReportSettings(probability, reserve, drivers, coldest, price, co2, named, *batteries)
+    held = Warranty(*warranty)
+    asked = ReportSettings(probability, reserve, drivers, coldest, price, co2, named, new_at, held)
     result = ManagerReport.of(about, versions.load(), rows, (ahead, depot) if ahead else None, asked)
     document = result.write(folder)
     if drivers and result.drivers is None:
@@ -352,7 +354,7 @@ def choose(
 ) -> Answer:
     """Choose a vehicle for each route over a year of weather, and count the chargers.
 
-    A vehicle serves a route if one charge is enough in the worst month. --registry assigns vehicles to routes, one each, and counts chargers;
+    A vehicle serves a route if one charge is enough in the worst month; `smallest` is the car with the smallest battery that does. --registry assigns vehicles to routes, one each, and counts chargers;
     --car compares cars that you do not have. The days of a route are planned (columns as for `tripwatt fleet report --planned`), tracks, or recorded in a store,
     also by combustion vehicles. The exit code is 1 if no vehicle serves a route.
 
@@ -389,7 +391,10 @@ def _show_choices(table: pd.DataFrame, power: pd.DataFrame) -> None:
 
     kwh = table.assign(energy_wh=table["energy_wh"] / 1000.0)
     first = kwh.sort_values(["is_assigned", "worst_chance"], ascending=False, kind="stable")
-    rows = records(first.fillna({"smallest": "none"}).drop_duplicates("route").sort_values("route"))
+    best = first.fillna({"smallest": "none"}).drop_duplicates("route").sort_values("route")
+    no_fleet = not table["is_assigned"].any()
+    best["vehicle"] = best["vehicle"].where(best["is_assigned"] | no_fleet, "none left")
+    rows = records(best)
     cells = [[form.format(**row) for form in CHOICE.values()] for row in rows]
     print_table("Enough with one charge", [*CHOICE], cells, numbers=[*CHOICE][2:-1])
     if len(power):

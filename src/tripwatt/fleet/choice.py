@@ -86,10 +86,8 @@ class Climate(NamedTuple):
             raise_faults(table.faults)
             month, mean, sd = numbers[:, np.argsort(numbers[0])]
             if month.tolist() != list(range(1, 13)) or not (sd >= 0.0).all():
-                got, allowed = (
-                    ", ".join(table.names)[:80],
-                    "month, each of 1 to 12 once, mean_degc, sd_k (>= 0)",
-                )
+                got = ", ".join(table.names)[:80]
+                allowed = "month, each of 1 to 12 once, mean_degc, sd_k (>= 0)"
                 fix = "give --climate: such a CSV, or a store whose trips have temperatures"
                 raise InvalidInput.of("months are missing", f"{place}", got, allowed, fix)
             return cls(mean, sd)

@@ -106,9 +106,16 @@ class TripRows:
         return TripRows(self.table.take(pa.array(np.sort(index) if sort else index)))
 
     @property
+    def started(self) -> Any:
+        """Time of departure of every row as datetime64: UTC if it has an offset, else as it is; NaT if unknown."""
+        texts = pd.Series(self.texts("started_at"), dtype=str)
+        # without UTC, times on both sides of a change to summer time cannot be compared
+        times = pd.to_datetime(texts, errors="coerce", format="ISO8601", utc=True)
+        return times.dt.tz_localize(None).to_numpy()
+
+    @property
     def chronological(self) -> tuple[IntArray, Any]:
         """Numbers of the rows with a time of departure in the order of that time, and the day of departure of every row (NaT if unknown)."""
-        texts = pd.Series(self.texts("started_at"))
-        started = pd.to_datetime(texts, errors="coerce", format="ISO8601").to_numpy()
+        started = self.started
         order = np.argsort(started, kind="stable")[: int((~np.isnat(started)).sum())]
         return order, started.astype("datetime64[D]")

@@ -107,7 +107,7 @@ def evaluate_rows(rows: TripRows, scales: Scales | None = None) -> FleetEvaluati
 
 def _later(rows: TripRows, fold: IntArray) -> pd.DataFrame | None:
     """Forecast the newest fifth of the trips from all others; returns None if start times are too few or too much alike."""
-    started = pd.to_datetime(pd.Series(rows.texts("started_at")), errors="coerce").to_numpy()
+    started = rows.started
     dated = ~np.isnat(started)
     if dated.sum() < 10:  # fewer trips have no fifth worth a score
         return None

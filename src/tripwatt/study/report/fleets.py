@@ -361,8 +361,9 @@ def _describe_tonight(night: Night | None, probability: float) -> str:
     }
     parts = [_SAID["tonight"].format(**said, **kwh)]
     if "peak_w" in sums:
-        cost = f" and costs {sums['cost']:.2f}" if "cost" in sums else ""
-        parts.append(_SAID["schedule"].format(peak=f"{sums['peak_w'] / 1e3:.1f}", cost=cost))
+        cost = f" and costs {sums['cost']:.2f} €" if "cost" in sums else ""
+        missing = f"{night.tables['needs']['missing_wh'].sum() / 1e3:.1f}"
+        parts.append(_SAID["schedule"].format(peak=f"{sums['peak_w'] / 1e3:.1f}", cost=cost, missing=missing))
     if sums.get("fails_first"):
         parts.append(_SAID["fails_first"].format(**sums["fails_first"]))
     return " ".join(parts)
