@@ -9,11 +9,12 @@ import numpy as np
 import pytest
 from benchmarks.absurd import contradictions, journeys
 from benchmarks.stops import chances
-from tests.roads.journey.made import COLD, MADE, A, journey
+from tests.roads.journey.made import COLD, MADE, A, B, journey
 
 import tripwatt as tw
 from tripwatt.command.sentences import journey_in_words
 from tripwatt.forecasting.leaving import leaving_with
+from tripwatt.population import for_car
 from tripwatt.roads.journey import Place, RoadForecast, RoadForecaster, planning, plans
 from tripwatt.roads.journey import corridor as corridor_module
 from tripwatt.roads.journey.charging import WARM_DEGC
@@ -541,6 +542,20 @@ def test_a_departure_below_the_reserve_is_named_and_exempts_the_first_leg(model)
     assert trip.verdict.reason == "leaves_below_reserve"
     assert trip.charging.leg_chances[0] == trip.charging.legs[0].chance(0.0) >= 0.95
     assert trip.charging.leg_chances[1] == trip.charging.legs[1].chance(0.35)
+
+
+def test_who_is_low_drives_to_a_station_off_the_road_that_is_surely_reached(model):
+    """The station on the road is farther than the charge lasts for most; one 6 km off the road is near."""
+    off, ahead = Station(47.045, 8.95, "off", 5e4, direct_current=True), Station(47.0, 9.25, "ahead", 5e4)
+    atlas = replace(MADE, stations=(off, replace(ahead, direct_current=True)))
+    id3 = for_car(model, "vw_id3")
+    low, enough = (
+        journey(id3, tw.Departure(soc=soc, ambient_temperature_degc=5.0), (A, B), atlas)
+        for soc in (0.08, 0.4)
+    )
+    assert low.charging.stops[0].station.name == "off"
+    assert low.charging.stops[0].p_reach > 0.95
+    assert "off" not in [stop.station.name for stop in enough.charging.stops]
 
 
 def test_random_journeys_do_not_contradict_themselves():

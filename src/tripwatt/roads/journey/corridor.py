@@ -34,6 +34,8 @@ CERTAIN: Final = 0.95
 """Chance to have the reserve at every stop and at the end: "19 of 20 journeys"."""
 _DETOUR_M: Final = 3000.0
 """Stations farther from the road than this are not used: a choice, because there are nearer ones beside long roads."""
+_RESCUE_M: Final = 20_000.0
+"""Who leaves below the reserve may also drive to a station this far from the start [m]: a choice, about what 8 % of a small battery last."""
 _POINT_EVERY_M: Final = 500.0
 """Distance between the points of a road from which stations are searched [m]: a choice, small against `_DETOUR_M`."""
 _MAX_STATIONS: Final = 200
@@ -189,7 +191,10 @@ class Corridor:
         for start, end in pairwise((0.0, *self.road.stop_position_m, self.road.distance_m)):
             position = np.append(np.arange(start, end, _POINT_EVERY_M), end)
             points = [self.road.place_at(float(at)) for at in position]
-            for index, point in near(stations, points, _DETOUR_M):
+            beside = near(stations, points, _DETOUR_M)
+            around = near(stations, points[:1], _RESCUE_M) if is_low and not start else []
+            elsewhere = dict(around).keys() - dict(beside).keys()
+            for index, point in (*((index, 0) for index in sorted(elsewhere)), *beside):
                 usable = stations[index].usable_with(self.plugs, self.curve.most_w)
                 at = float(position[point])
                 if usable is None or any(_is_at(station, usable) for station in self.options.avoid):
@@ -208,11 +213,8 @@ class Corridor:
     @property
     def _chosen(self) -> list[tuple[float, Place]]:
         """Stations that were chosen as places on the way, with their position on the road."""
-        return [
-            (at, place)
-            for at, place in zip(self.road.stop_position_m, self.via, strict=False)
-            if place.kind == STATION_KIND
-        ]
+        places = zip(self.road.stop_position_m, self.via, strict=False)
+        return [(at, place) for at, place in places if place.kind == STATION_KIND]
 
     def _is_chosen(self, position_m: float, station: Station) -> bool:
         return any(abs(at - position_m) < 1.0 and _is_at(place, station) for at, place in self._chosen)
@@ -429,14 +431,14 @@ class Corridor:
                 road = road.with_pause(pause.duration_s)
         forecaster = self.forecaster
         if i:
-            leaves = forecaster.departs_at + dt.timedelta(seconds=elapsed_s)
+            leaves = forecaster.departure.departs_at
             departure = replace(
                 forecaster.departure,
                 soc=level,
                 bms_soc=None,
                 follows_trip=True,
                 battery_temperature_degc=float(self.cell_degc[i]),
-                departs_at=leaves if forecaster.departure.departs_at else None,
+                departs_at=leaves and leaves + dt.timedelta(seconds=elapsed_s),
             )
             forecaster = replace(forecaster, departure=departure)
         forecast = forecaster.forecast(road, f"leg from {self._place(i).title}"[:100])

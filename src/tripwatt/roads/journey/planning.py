@@ -99,9 +99,8 @@ class RoadForecast:
         float
             Displayed charge, 0 to 1.
         """
-        series = self.forecast.to_frame()
-        scale = series["distance_m"].iloc[-1] / self.road.distance_m
-        return float(np.interp(position_m * scale, series["distance_m"], series["displayed_soc"]))
+        along, share = self.forecast.along, position_m / self.road.distance_m
+        return float(np.interp(share * along.distance_m[-1], along.distance_m, along.expected_soc))
 
     def whole(self, reserve: float) -> ChargingPlan:
         """Return the whole journey on this road: the plan with stops to charge if there is one, else a plan with one leg.
