@@ -100,6 +100,20 @@ def test_hills_on_the_way_cost(vehicle):
     assert (more > 0.0).all()
 
 
+def test_hills_of_a_steady_climb_cost_less_than_those_of_a_level_road():
+    """Nothing is braked away where the road hardly goes down, as in a simulation of such a road."""
+    climbs = (known_climb(15_000.0, (0.0, climb)) for climb in (0.0, 600.0, 1200.0))
+    found = [forecast(replace(road(), climb=climb), terrain="mountains") for climb in climbs]
+    cost = [float(each.climbing.hill_wh[-1, -1]) for each in found]
+    assert cost[0] > 2.0 * cost[1] > 2.0 * abs(cost[2])
+    links = [{"length_m": 500.0, "speed_m_s": 15.0, "grade": 0.08 + 0.08 * (-1.0) ** k} for k in range(30)]
+    hilly, even = (
+        tw.simulate(plan, "bmw_i3_60ah", COLD).simulated_energy_wh
+        for plan in (tw.read_route(links), road(grade=0.08))
+    )
+    assert abs(hilly - even) < 0.5 * cost[0]
+
+
 @pytest.mark.parametrize("vehicle", ["bmw_i3_60ah", "nissan_leaf_40", "tesla_model_3_lr"])
 def test_a_metre_of_climb_takes_what_the_simulation_says(vehicle):
     found = tw.forecast(road(), COLD, car=vehicle)

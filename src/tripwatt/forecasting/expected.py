@@ -25,7 +25,7 @@ MIN_RESISTANCE: Final = 0.5
 """Part of air drag and rolling resistance that every trip has: tail wind and good tyres take less than half of them."""
 FAR: Final = 0.99
 """Quantile of the net climb up to which a road of unknown heights is simulated; energy is linear beyond."""
-EVEN: Final = (-1.0, -0.3, 0.3, 1.0)
+EVEN: Final = (-1.0, -0.3, 0.0, 0.3, 1.0)
 """Constant grades that are simulated, as multiples of the grade of that quantile."""
 HILLS: Final = (0.03, 0.08)
 """Grades of the simulated roads that go up and down in turn."""
@@ -137,10 +137,8 @@ class ExpectedTrip:
 
         It is `MIN_RESISTANCE` of air drag and rolling resistance, plus climb and kinetic energy, without any loss or load.
         """
-        part = {name: self.table.columns[f"{name}_w"] for name in MIN_CAUSES}
-        return np.asarray(
-            MIN_RESISTANCE * (part["air"] + part["rolling"]) + part["climb"] + part["acceleration"]
-        )
+        air, rolling, climb, acceleration = (self.table.columns[f"{cause}_w"] for cause in MIN_CAUSES)
+        return np.asarray(MIN_RESISTANCE * (air + rolling) + climb + acceleration)
 
     def climbing_energy(self, net: NetClimbs) -> ClimbingEnergy:
         """Energy of climbing on a road of unknown heights, from simulations at constant grades and on hills. O(samples) for each."""
@@ -148,23 +146,19 @@ class ExpectedTrip:
         grade = np.array(EVEN) * max(net.steepest(FAR, way), 1e-3)
         at = np.interp(self.plan.array("time_s") - self.simulation.time_s[0], self.edges_s, self.distance_m)
         by_turns = np.where((at / LOCAL_M).astype(np.int64) % 2, -1.0, 1.0)
-        none = np.zeros((1, len(self.edges_s)))
-        grades = [*grade, *(g * by_turns for g in HILLS)]
+        # on a steady climb the descents of hills give little back, but also waste little
+        steady = [] if net.known is None else [net.known.grade(at)]
+        grades = [*grade[grade != 0.0], *steady, *(sum(steady) + g * by_turns for g in HILLS)]
         plans = [replace(self.plan, samples=self.plan.samples.assign(grade=each)) for each in grades]
         runs = simulate_trips((self.vehicle, plan) for plan in plans)
         time_s = self.simulation.time_s - self.simulation.time_s[0]
-        extra_wh = [
-            np.interp(self.edges_s, time_s, run.energy_wh - self.simulation.energy_wh) for run in runs
-        ]
-        even, hills = np.split(np.array(extra_wh), [len(grade)])
-        return ClimbingEnergy(
-            np.insert(grade, len(EVEN) // 2, 0.0),
-            np.insert(even, len(EVEN) // 2, none, axis=0),
-            np.array((0.0, *HILLS)),
-            np.concatenate((none, hills)),
-            self.distance_m,
-            net,
+        extra_wh = np.array(
+            [np.interp(self.edges_s, time_s, run.energy_wh - self.simulation.energy_wh) for run in runs]
         )
+        even_wh = np.insert(extra_wh[: len(EVEN) - 1], len(EVEN) // 2, 0.0, axis=0)
+        hill_wh = extra_wh[-len(HILLS) :] - (extra_wh[len(EVEN) - 1] if steady else 0.0)
+        hill, hill_wh = np.array((0.0, *HILLS)), np.insert(hill_wh, 0, 0.0, axis=0)
+        return ClimbingEnergy(grade, even_wh, hill, hill_wh, self.distance_m, net)
 
     @cached_property
     def wh_per_soc(self) -> float:

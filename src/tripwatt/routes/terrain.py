@@ -83,7 +83,8 @@ class NetClimbs:
         """Grade that all but 1 - `p` of the roads do not exceed over a distance, up or down, and no known part of the road [1]."""
         up, down = float(self.quantile(p, distance_m)), -float(self.quantile(1.0 - p, distance_m))
         grade = max(up, down) / max(distance_m, 1.0)
-        return grade if self.known is None else max(grade, self.known.steepest)
+        known = np.zeros(1) if self.known is None else self.known.grade(self.known.distance_m)
+        return max(grade, float(np.abs(known).max()))
 
     def limit(self, distance_m: FloatArray | float) -> FloatArray:
         """Largest net climb of a road of a given length [m]; places beside a road show climbs beyond those of the terrain."""

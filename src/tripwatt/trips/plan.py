@@ -69,18 +69,18 @@ class KnownClimb:
     Examples
     --------
     >>> over_a_pass = KnownClimb(np.array([0.0, 5e3, 9e3]), np.array([0.0, 400.0, 100.0]), np.array([0.0, 80.0, 30.0]))
-    >>> over_a_pass.steepest
-    0.08
+    >>> over_a_pass.grade(np.array([0.0, 6e3])).tolist()
+    [0.08, -0.075]
     """
 
     distance_m: FloatArray
     climb_m: FloatArray
     sd_m: FloatArray
 
-    @property
-    def steepest(self) -> float:
-        """Largest expected grade between two points [1]."""
-        return float(np.max(np.abs(np.diff(self.climb_m) / np.diff(self.distance_m))))
+    def grade(self, at_m: FloatArray) -> FloatArray:
+        """Expected grade at distances from the start [1], constant between two points, shape of `at_m`."""
+        piece = np.searchsorted(self.distance_m[1:-1], at_m, side="right")
+        return np.asarray(np.diff(self.climb_m) / np.diff(self.distance_m))[piece]
 
 
 @dataclass(frozen=True, eq=False, slots=True, repr=False)
