@@ -83,7 +83,7 @@ def test_a_newer_format_is_refused_with_what_is_known(
     monkeypatch.setattr(modelfile, "FORMAT_VERSION", 7)
     write(tmp_path / "newer")
     monkeypatch.undo()
-    refuses(r"format_version: got 7; allowed: 2; update tripwatt", read_model, tmp_path / "newer")
+    refuses(r"format_version: got 7; allowed: 3; update tripwatt", read_model, tmp_path / "newer")
 
 
 def test_an_older_format_is_refused_with_what_to_do(tmp_path: Path) -> None:
@@ -93,7 +93,7 @@ def test_an_older_format_is_refused_with_what_to_do(tmp_path: Path) -> None:
     with pytest.raises(InvalidInput) as caught:
         read_model(place)
     assert str(caught.value) == (
-        f"model of an older format: {place / METADATA}, format_version: got 1; allowed: 2; "
+        f"model of an older format: {place / METADATA}, format_version: got 1; allowed: 3; "
         "fit it again with this version of tripwatt, or adapt its base again"
     )
     assert read_metadata(place)["format_version"] == 1

@@ -31,7 +31,7 @@ Part = Arrays | Mapping[str, Any]
 """Arrays for a part named `*.npz`, plain JSON values for one named `*.json`."""
 
 FORMAT: Final = "tripwatt model"
-FORMAT_VERSION: Final = 2
+FORMAT_VERSION: Final = 3
 METADATA: Final = "metadata.json"
 ANEW: Final = "fit it again with this version of tripwatt, or adapt its base again"
 _SUFFIXES: Final = (".npz", ".json")

@@ -110,9 +110,11 @@ def test_measured_doubt_is_the_difference_of_the_two_forecasts(trips):
     some = trips[:3]
     off = linked_trips(some, CAR).differences(Nothing(), segment_trips(some, CAR), np.array([2, 0]))
     for row, trip in zip(off, (some[2], some[0]), strict=True):
-        base = simulate_trip(CAR, Plan.from_trip(trip)).simulated_energy_wh
+        driven = simulate_trip(CAR, Plan.from_trip(trip))
+        base = driven.simulated_energy_wh
         on_links = [simulate_trip(CAR, plan_on_links(trip, m)).simulated_energy_wh for m in LENGTHS_M]
-        np.testing.assert_allclose(row, np.array(on_links) / base - 1.0, rtol=2e-3)
+        level = base - driven.by_cause_wh["climb"]
+        np.testing.assert_allclose(row, (np.array(on_links) - base) / level, rtol=2e-3)
     assert 0.0 < np.abs(off).max() < 0.5
 
 
@@ -126,7 +128,7 @@ def test_links_widen_and_the_driven_trace_does_not(model, trips):
         assert wide.given == wide.to_dict()["given"] == "a planned route"
         assert wide.energy_wh == narrow.energy_wh
         share = model.uncertainty_.route.share(plan.link_m)
-        extra = share * wide.energy_wh
+        extra = share * wide.level_wh
         assert share > 0.0
         assert wide.sd_wh**2 == pytest.approx(narrow.sd_wh**2 + extra**2)
         ratio = np.sqrt(1.0 + extra**2 / narrow.sd_wh**2)
@@ -278,7 +280,7 @@ def test_the_error_of_a_route_is_that_of_its_travel_times_where_they_are_known(i
     assert {flag.code for flag in found.flags} & of_route == codes
     share = links.share(plan.link_m) if route else 0.0
     share = FREE.share(plan.distance_m) if codes == {"free_flow_times"} else share
-    assert found.route_sd_wh == pytest.approx(share * forecast.energy_wh)
+    assert found.route_sd_wh == pytest.approx(share * forecast.level_wh)
 
 
 @pytest.mark.parametrize(("from_deg", "is_flagged"), [(None, True), (90.0, False)])

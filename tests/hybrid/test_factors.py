@@ -29,6 +29,7 @@ from tripwatt.hybrid.factors import (
 from tripwatt.hybrid.groups import Sums
 from tripwatt.hybrid.segments import LINE_CAUSES
 from tripwatt.population.prior import Population
+from tripwatt.uncertainty.process import process_segments
 from tripwatt.vehicles import Vehicle, load_vehicle
 
 I3 = load_vehicle("bmw_i3_60ah")
@@ -80,7 +81,8 @@ def test_powers_of_two_segments_are_those_by_hand() -> None:
     found = dict(zip(NAMES, factor_power(own, 1500.0).T, strict=True))
     sd = dict(zip(NAMES, SDS, strict=True))
     by_hand = {
-        "everything": [10_000.0, 10_000.0],
+        "everything": [9000.0, 9000.0],
+        "climb": [1000.0, 1000.0],
         "rolling": [3000.0, 3000.0],
         "air": [4000.0, 4000.0],
         "drivetrain": [1500.0, 1500.0],
@@ -95,7 +97,7 @@ def test_powers_of_two_segments_are_those_by_hand() -> None:
     for name, power in by_hand.items():
         assert found[name] == pytest.approx(sd[name] * np.array(power), **EXACT), name
     # what a unit of a factor is: a share of the simulated power, or a kilowatt
-    assert found["everything"] / sd["everything"] == pytest.approx(own.simulated_w)
+    assert found["everything"] / sd["everything"] == pytest.approx(own.simulated_w - 1000.0)
     assert found["frost"][0] / sd["frost"] == pytest.approx(1000.0), "1 kW at 10 K below freezing"
     assert found["heating"] + found["cooling"] == pytest.approx(sd["heating"] * 1000.0)
 
@@ -136,10 +138,10 @@ def test_evidence_of_trips_is_their_energy_by_factor() -> None:
     assert found.residual_wh == pytest.approx([120.0, -40.0])
     assert found.observed_wh == pytest.approx([3120.0, 4960.0])
     assert found.measured_wh2 == pytest.approx([0.0, 900.0], abs=1e-6)
-    # 40 Wh, 4.2 % of the 3 and 5 kWh, and 33 % of them over a kilometre
+    # 40 Wh, 4.2 % of the 3 and 5 kWh without a tenth for the climb, and 33 % of them over a kilometre
     km = own.totals_wh(3.6 * own.features["speed_m_s"].to_numpy())
     share = np.array([0.042**2 + 0.33**2 / one for one in km])
-    assert found.usual_wh2 == pytest.approx(40.0**2 + np.array([3000.0, 5000.0]) ** 2 * share, rel=1e-12)
+    assert found.usual_wh2 == pytest.approx(40.0**2 + np.array([2700.0, 4500.0]) ** 2 * share, rel=1e-12)
     assert found.day[0] == 3.0
     assert np.isnan(found.day[1])
     assert found.charge[0, :2].tolist() == [0.9, 0.8]
@@ -266,8 +268,8 @@ def test_changes_are_in_the_unit_of_each_factor() -> None:
         assert change == pytest.approx(expected.get(name, 0.0), **EXACT)
         assert sd == pytest.approx(SDS[i] * np.sqrt(variances[i]), rel=1e-9)
     own = segments([1], [0.5], ambient_temperature_degc=-10.0)
-    # 5 % of 10 kW, a fifth of 300 W, 0.4 kW at 10 K below freezing, 1 % of 8 kW for each of 2.5 steps of 10 K
-    assert corrector.predict(own) == pytest.approx([500.0 - 60.0 + 400.0 + 200.0], **EXACT)
+    # 5 % of the 9 kW without the climb, a fifth of 300 W, 0.4 kW at 10 K below freezing, 1 % of 8 kW for each of 2.5 steps of 10 K
+    assert corrector.predict(own) == pytest.approx([450.0 - 60.0 + 400.0 + 200.0], **EXACT)
 
 
 def test_a_correction_is_linear_and_knows_how_sure_it_is() -> None:
@@ -302,8 +304,8 @@ def test_a_drift_is_that_of_its_day_and_is_forgotten_long_after() -> None:
         power.append(float(mean[0]))
         sd.append(float(np.sqrt((factor**2).sum())))
     kept = [1.0, exp(-1.0), 0.0, exp(-1.0 / 60.0)]
-    assert power == pytest.approx([600.0 * share for share in kept], rel=1e-9, abs=1e-9)
-    full = 10_000.0 * SDS[0] * known.drift_sd
+    assert power == pytest.approx([540.0 * share for share in kept], rel=1e-9, abs=1e-9)
+    full = 9000.0 * SDS[0] * known.drift_sd
     assert sd == pytest.approx([full * (1.0 - share**2) ** 0.5 for share in kept], rel=1e-6, abs=1e-6)
     assert known.changes["everything"][0] == 0.0, "the drift is no property of the car"
 
@@ -329,3 +331,16 @@ def test_the_usual_error_stays_at_a_share_of_a_long_trip_and_never_vanishes() ->
     # all of a descent is recovered: three tenths of what is moved count
     assert usual(0.0, 10_000.0, 10.0) == usual(3000.0, 10_000.0, 10.0) == usual(-3000.0, 10_000.0, 10.0)
     assert np.isfinite(usual(0.0, 0.0, 0.0))
+
+
+def test_wind_and_traffic_do_not_change_the_energy_of_a_climb() -> None:
+    level = segments([1], [0.5])
+    climb_w = level.columns["climb_w"] + 4000.0
+    steep = replace(
+        level, simulated_w=level.simulated_w + 4000.0, features=level.features.assign(climb_w=climb_w)
+    )
+    usual = [TripEvidence.from_table(table, I3).usual_wh2[0] for table in (level, steep)]
+    assert usual[0] == pytest.approx(usual[1], rel=1e-12)
+    assert process_segments(level, np.zeros((1, 1))).net_wh == pytest.approx(
+        process_segments(steep, np.zeros((1, 1))).net_wh
+    )

@@ -87,8 +87,9 @@ def test_a_free_flow_plan_has_its_own_uncertainty_and_its_own_words(fitted):
     found = model.forecast(plan)
     assert found.given == "a planned route, free flow"
     share = model.uncertainty_.free_flow.share(plan.distance_m)
-    assert found.route_sd_wh == pytest.approx(share * found.energy_wh)
+    assert found.route_sd_wh == pytest.approx(share * found.level_wh)
     assert "free_flow_times" in {flag.code for flag in found.flags}
     old = with_route_error(found, model.uncertainty_.route, None)
-    assert old.route_sd_wh == pytest.approx(model.uncertainty_.route.share(plan.link_m) * found.energy_wh)
+    assert old.route_sd_wh == pytest.approx(model.uncertainty_.route.share(plan.link_m) * found.level_wh)
+    assert found.level_wh == pytest.approx(found.energy_wh - found.by_cause_wh["climb"])
     assert "travel_time_error_unknown" in {flag.code for flag in old.flags}

@@ -157,6 +157,7 @@ def table(rows: int, **features) -> SegmentTable:
         "time_s": np.arange(float(rows)),
         "moved_w": 10.0,
         "climate_w": 300.0,
+        "climb_w": 20.0,
         "speed_m_s": 5.0,
     } | features
     watts = np.full(rows, 100.0)
@@ -186,12 +187,12 @@ class Corrector:
 
 class TestHeldOut:
     def test_segments(self) -> None:
-        """Two segments of 1 and 2 h: 3 h of (3, 4) W are 15 Wh, of 2 W outside 6 Wh."""
+        """Two segments of 1 and 2 h: 3 h of (3, 4) W are 15 Wh, of 2 W outside 6 Wh, of 100 W without 20 W of climb 240 Wh."""
         found = held_out_residual(Corrector(), table(2))
         assert found.segments.step_s.tolist() == [3600.0, 7200.0]
         assert found.segments.corrector_sd_wh == pytest.approx(15.0)
         assert found.segments.outside_sd_wh == pytest.approx(6.0)
-        assert (found.segments.net_wh, found.segments.distance_m) == pytest.approx((300.0, 54_000.0))
+        assert (found.segments.net_wh, found.segments.distance_m) == pytest.approx((240.0, 54_000.0))
         assert found.residual_w.tolist() == [25.0, 25.0]
         assert found.climate_w.tolist() == [12.0, 12.0]
         assert found.climate_expected_w.tolist() == [308.0, 308.0]

@@ -12,7 +12,12 @@ EXACT = {"rel": 1e-9, "abs": 1e-9}
 
 
 def table(rows: int, **features) -> SegmentTable:
-    columns = {"time_s": np.arange(float(rows)), "moved_w": 10.0, "climate_w": 300.0} | features
+    columns = {
+        "time_s": np.arange(float(rows)),
+        "moved_w": 10.0,
+        "climate_w": 300.0,
+        "climb_w": 5.0,
+    } | features
     watts = np.full(rows, 100.0)
     hours = np.arange(1.0, rows + 1.0)
     frame = pd.DataFrame(columns, index=range(rows))
@@ -40,7 +45,7 @@ class Corrector:
 
 class TestLinks:
     def test_relative_differences(self) -> None:
-        """105 W on the driven trace of 1 h; 100, 110 and 130 W and the correction on links; one trip was not cut."""
+        """105 W, 5 W of it for the climb, on the driven trace of 1 h; 100, 110 and 130 W and the correction on links; one trip was not cut."""
 
         def one(watts):
             own = table(1)
@@ -50,9 +55,9 @@ class TestLinks:
         tables = tuple(one(w) for w in (100.0, 110.0, 130.0))
         linked = LinkedTrips((tables, (), tuple(one(w) for w in (190.0, 200.0, 210.0))))
         found = linked.differences(Corrector(), driven, np.array([2, 1, 0]))
-        assert found[0] == pytest.approx([195 / 205 - 1, 0.0, 215 / 205 - 1], **EXACT)
+        assert found[0] == pytest.approx([-10 / 200, 0.0, 10 / 200], **EXACT)
         assert np.isnan(found[1]).all()
-        assert found[2] == pytest.approx([0.0, 115 / 105 - 1, 135 / 105 - 1], **EXACT)
+        assert found[2] == pytest.approx([0.0, 10 / 100, 30 / 100], **EXACT)
         assert np.isnan(linked.differences(Corrector(), driven, np.array([1]))).all()
 
     def test_at_most_two_hundred_trips_evenly(self, monkeypatch) -> None:

@@ -26,6 +26,7 @@ CarArgument = Annotated[Path, argument("CAR", "Folder of the car, made by `tripw
 
 WORDS = {
     "everything": "the whole consumption",
+    "climb": "energy of a climb, by the mass",
     "rolling": "rolling resistance",
     "air": "air drag",
     "drivetrain": "losses of the drivetrain",

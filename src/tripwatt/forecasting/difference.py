@@ -134,7 +134,8 @@ class Shared:
     Attributes
     ----------
     hours, moved_wh, net_wh : float
-        Time over which an error of power adds up [h], energy moved at the wheels [Wh], and energy of the trip [Wh].
+        Time over which an error of power adds up [h], energy moved at the wheels [Wh], and energy of the trip without the
+        potential energy of its climb [Wh].
     weights_wh : ndarray, shape (weights,)
         Change of the trip's energy by one standard deviation of each of the corrector's weights [Wh].
     outside_wh, state_wh, route_wh, links_wh, climb_wh : float

@@ -403,6 +403,11 @@ class Forecast:
         return parts
 
     @property
+    def level_wh(self) -> float:
+        """Energy of the whole trip without that of its climb [Wh], which speeds and traffic do not change."""
+        return self.energy_wh - self.by_cause_wh["climb"]
+
+    @property
     def battery_loss_wh(self) -> float:
         """Energy lost as heat inside the battery [Wh], not included in the energy at its terminals."""
         simulation = self.drive.simulation
@@ -758,7 +763,7 @@ def _shared(forecast: Forecast) -> Shared:
         drive.segments.outside_sd_wh,
         forecast.state_sd_wh,
         forecast.route_sd_wh,
-        0.0 if route is None or link_m is None else route.share(link_m) * abs(forecast.energy_wh),
+        0.0 if route is None or link_m is None else route.share(link_m) * abs(forecast.level_wh),
         0.0 if climb is None else float(climb.core_sd_wh[-1]),
         forecast.by_cause_wh["climate"],
         float(drive.distance_m[-1]),
@@ -799,24 +804,27 @@ def _climb_document(forecast: Forecast, levels: tuple[float, ...]) -> UnknownCli
 def with_route_error(
     forecast: Forecast, route: RouteUncertainty | None, free_flow: FreeFlowUncertainty | None
 ) -> Forecast:
-    """Add the uncertainty of the planned route to a forecast; a forecast of a driven trace only gets the flags of its plan.
+    """Add the uncertainty of the planned route to a forecast; a forecast of a driven trace only gets the flags of its road.
 
-    The standard deviation of the whole trip becomes ``sqrt(own² + (share · energy)²)``; on the way, the second part is in proportion
-    to the time to go. If the travel times are those of an empty road, the share of the travel times is used instead of that of the
+    The standard deviation of the whole trip becomes ``sqrt(own² + (share · level)²)``, with the energy without the climb; on the way,
+    the second part is in proportion to the time to go. If the travel times are those of an empty road, the share of the travel times is used instead of that of the
     links, which it contains. Flags name what is unknown about the route.
     """
-    link_m = forecast.plan.link_m
-    flags = [*forecast.flags, *(flag for flag in forecast.plan.flags if flag != FLAT_ROAD)]
+    link_m, flags = forecast.plan.link_m, [*forecast.flags]
+    if forecast.soc_per_climb_m is not None:
+        terrain = forecast.plan.departure.terrain or "unknown"
+        flags.append(Flag("unknown_climb", terrain, 100.0 * forecast.soc_per_climb_m, "1"))
+    flags += (flag for flag in forecast.plan.flags if flag != FLAT_ROAD)
     if link_m is None:
         return with_empty_flag(replace(forecast, flags=tuple(dict.fromkeys(flags))))
     route_sd_wh = 0.0
     if route is None:
         flags.append(Flag("route_error_unknown", "links"))
     elif forecast.plan.free_flow and free_flow is not None:
-        route_sd_wh = free_flow.share(forecast.plan.distance_m) * abs(forecast.energy_wh)
+        route_sd_wh = free_flow.share(forecast.plan.distance_m) * abs(forecast.level_wh)
         flags.append(Flag("free_flow_times", "road"))
     else:
-        route_sd_wh = route.share(link_m) * abs(forecast.energy_wh)
+        route_sd_wh = route.share(link_m) * abs(forecast.level_wh)
         if forecast.plan.free_flow:
             flags.append(Flag("travel_time_error_unknown", "road"))
         if link_m > float(route.length_m[-1]):

@@ -395,9 +395,6 @@ class ForecastModel:
             ),
             model=self,
         )
-        if forecast.soc_per_climb_m is not None:
-            flag = Flag("unknown_climb", terrain, 100.0 * forecast.soc_per_climb_m, "1")
-            forecast = replace(forecast, flags=(*forecast.flags, flag))
         forecast = with_route_error(forecast, uncertainty.route, uncertainty.free_flow)
         level_wh = forecast.energy_wh - float(forecast.along.excess.expected_wh[-1])
         raise_faults(impossible_faults(level_wh, drive))

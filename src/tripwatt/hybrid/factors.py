@@ -1,9 +1,9 @@
 """Named factors by which a car on the road differs from its simulation, and the evidence of trips on these factors.
 
-The residual energy of a trip, observed minus simulated, is linear in a few named factors. There are relative changes of everything, of
-road load, drivetrain, base load, heating and cooling; losses in the cold and with changes of speed; loads below freezing and while the
-car warms up; and relative changes around a temperature. The energies by factor follow from the simulation of the car; no second
-simulation is needed.
+The residual energy of a trip, observed minus simulated, is linear in a few named factors. There are relative changes of everything but
+the climb, of the climb, road load, drivetrain, base load, heating and cooling; losses in the cold and with changes of speed; loads below
+freezing and while the car warms up; and relative changes around a temperature. The energies by factor follow from the simulation of the
+car; no second simulation is needed.
 """
 
 from __future__ import annotations
@@ -23,6 +23,8 @@ from tripwatt.hybrid.segments import LINE_CAUSES, SegmentTable
 from tripwatt.vehicles import Vehicle
 
 EVERYTHING: Final = "everything"
+"""A relative change of all energy but the potential energy of the climb, which the mass alone determines."""
+CLIMB: Final = "climb"
 CLIMATE: Final = ("heating", "cooling")
 BY_SPEED: Final = ("rolling", "air", "drivetrain", "base_load", "transients")
 """Factors whose share of the driving energy differs between roads at the same outside temperature."""
@@ -94,6 +96,7 @@ FACTORS: Final = (
     _driving("transients", 0.10, 0.10, 0.01, "share of mass times speed times the mean change of speed; the driver is in the trace"),
     Factor("frost", 0.30, "kW", 0.16, 0.25, ASSUMED_DF, "for each 10 K below freezing: windows, battery, snow"),
     Factor("warm_up", 0.30, "kW", 0.16, 0.25, ASSUMED_DF, "at departure at 0 °C, fading within 10 minutes: soaked cabin and oil"),
+    Factor(CLIMB, 0.05, "1", 0.02, 0.04, ASSUMED_DF, "mass on the road: trims, passengers and luggage that nobody states: an assumption"),
     *(Factor(name, 0.06, "1", 0.03, 0.05, ASSUMED_DF, _SEASON) for name in SEASONS),
 )  # fmt: skip
 """The factors, with their spreads between car models and between vehicles of one model."""
@@ -119,9 +122,10 @@ MIN_NET: Final = 0.3
 """Usual error of a trip's energy with the right factors, by climate, wind, traffic and influences that the log lacks.
 
 It has an error of every trip [Wh] and two shares of the net energy: one that is the same at any length, and one over a kilometre, which
-evens out along the trip. The second share is near the least of the vehicles that `python -m tools.data.population` prints; no log is long
-enough to show the first, which is an assumption. The net energy counts as at least `MIN_NET` of the energy moved. The scale of a car's
-errors relative to these is estimated from its trips."""
+evens out along the trip. The net energy is that of the trip without the potential energy of its climb, because wind and traffic do not
+change the climb; it counts as at least `MIN_NET` of the energy moved. The second share is near the least of the vehicles that
+`python -m tools.data.population` prints; no log is long enough to show the first, which is an assumption. The scale of a car's errors
+relative to these is estimated from its trips."""
 
 TAIL_DF: Final = 4.0
 """Degrees of freedom of the errors' t distribution, as Lange, Little and Taylor (1989) advise for few data."""
@@ -149,16 +153,16 @@ def factor_power(table: SegmentTable, mass_kg: float) -> FloatArray:
     mass_kg : float
         Mass of the car on the road [kg].
     """
-    values = table.features.to_numpy(dtype=np.float64)
-    column = dict(zip(table.features.columns.tolist(), values.T, strict=True))
+    column = table.columns
     known = column["ambient_temperature_degc"]
     # unknown air is neither cold nor warm
     ambient = np.where(np.isfinite(known), known, 15.0)
     # the turn from heating to cooling takes some 3 K; a choice
     cooling = 1.0 / (1.0 + np.exp(-np.clip((ambient - MILD_DEGC) / 1.5, -30.0, 30.0)))
+    level_w = table.simulated_w - column["climb_w"]
     # soaked cabin and oil are warm within some ten minutes
     powers = (
-        table.simulated_w,
+        level_w,
         column["rolling_w"],
         column["air_w"],
         column["drivetrain_w"],
@@ -169,11 +173,12 @@ def factor_power(table: SegmentTable, mass_kg: float) -> FloatArray:
         mass_kg * column["speed_change_m_s2"] * column["speed_m_s"],
         100.0 * np.maximum(0.0, -ambient),
         50.0 * np.maximum(0.0, 20.0 - ambient) * np.exp(-column["time_s"] / 600.0),
+        column["climb_w"],
     )
     # air beyond the bounds counts as air at the bounds; a choice
     inside = np.clip(ambient, -20.0, 45.0)
     near = np.exp(-0.5 * ((inside[:, None] - np.array(list(SEASONS.values()))) / _NEAR_K) ** 2)
-    seasons = table.simulated_w[:, None] * near / np.sqrt((near**2).sum(axis=1, keepdims=True))
+    seasons = level_w[:, None] * near / np.sqrt((near**2).sum(axis=1, keepdims=True))
     return np.asarray(np.column_stack([*powers, seasons]) * SDS)
 
 
@@ -217,14 +222,15 @@ class TripEvidence(Records):
     charge: FloatArray
 
     @property
-    def observed_wh(self) -> FloatArray:
-        """Measured energy [Wh], shape (trips,)."""
-        return np.asarray(self.residual_wh + self.factors_wh[:, 0] / SDS[0])
+    def simulated_wh(self) -> FloatArray:
+        """Simulated energy [Wh], shape (trips,): the climb, and everything else."""
+        parts = [NAMES.index(EVERYTHING), NAMES.index(CLIMB)]
+        return np.asarray((self.factors_wh[:, parts] / SDS[parts]).sum(axis=1))
 
     @property
-    def is_current(self) -> bool:
-        """Whether the number of factors is that of this version."""
-        return bool(self.factors_wh.shape[1] == len(NAMES))
+    def observed_wh(self) -> FloatArray:
+        """Measured energy [Wh], shape (trips,)."""
+        return self.residual_wh + self.simulated_wh
 
     def __len__(self) -> int:
         return len(self.trip_ids)
@@ -239,18 +245,17 @@ class TripEvidence(Records):
         vehicle : Vehicle
             The car that was simulated.
         """
-        rows = factor_power(table, vehicle.body.test_mass_kg)
-        moved, km = (
-            table.totals_wh(table.features[name].to_numpy(dtype=np.float64) * unit)
-            for name, unit in (("moved_w", 1.0), ("speed_m_s", 3.6))
-        )
+        rows = factor_power(table, vehicle.body.test_mass_kg) * table.hours[:, None]
+        factors_wh = np.add.reduceat(rows, table.offsets[:-1], axis=0)
+        column = table.columns
+        moved, km = map(table.totals_wh, (column["moved_w"], 3.6 * column["speed_m_s"]))
         return cls(
             table.trip_ids,
-            np.add.reduceat(rows * table.hours[:, None], table.offsets[:-1], axis=0),
+            factors_wh,
             np.full(len(table), np.nan) if table.observed_w is None else table.totals_wh(table.residual_w),
-            usual_variance_wh2(table.totals_wh(table.simulated_w), moved, km),
+            usual_variance_wh2(factors_wh[:, 0] / SDS[0], moved, km),
             table.energy_errors.own_wh**2 + table.totals_wh(_shortfall_power(table)) ** 2,
-            table.columns["day"][table.offsets[:-1]],
+            column["day"][table.offsets[:-1]],
             np.full((len(table), 4), np.nan) if table.charge is None else table.charge,
         )
 

@@ -258,9 +258,8 @@ class Experts:
             total = float(weight @ (variance + (each - mean[-1]) ** 2))
             sd.append(total**0.5)
             error = evidence.residual_wh[i] - each
-            density = -0.5 * (TAIL_DF + 1.0) * np.log1p(error**2 / variance / (TAIL_DF - 2.0)) - 0.5 * np.log(
-                variance
-            )
+            tail = np.log1p(error**2 / variance / (TAIL_DF - 2.0))
+            density = -0.5 * ((TAIL_DF + 1.0) * tail + np.log(variance))
             unusual = (TAIL_DF + (evidence.residual_wh[i] - mean[-1]) ** 2 / total) / (TAIL_DF + 1.0)
             # a trip that fits well counts as two at most; a choice
             gain = spread / (known + noise * max(0.5, unusual))[:, None]

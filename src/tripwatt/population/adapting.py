@@ -174,7 +174,7 @@ class Adaptation:
         own = (self.evidence.residual_wh - self.innovations.mean_wh) / self.innovations.sd_wh
         noise = self.experts.noise_scale**0.5
         observed = self.evidence.observed_wh
-        predicted = observed - self.evidence.residual_wh + self.innovations.mean_wh
+        predicted = self.evidence.simulated_wh + self.innovations.mean_wh
         return ForecastModel(
             vehicle=self.vehicle,
             corrector=ADAPTED,
@@ -344,11 +344,7 @@ def population_of(base: ForecastModel, *, of_car: bool = False) -> Population:
     ['ved-10', 'ved-541', 'twizy', 'base']
     """
     cars, name = population(), base.vehicle.name
-    if (
-        base.evidence_ is None
-        or not base.evidence_.is_current
-        or (not of_car and any(source.car_model == name for source in cars.sources))
-    ):
+    if base.evidence_ is None or (not of_car and any(source.car_model == name for source in cars.sources)):
         return cars
     own = Source(name, "base", "", len(base.evidence_), "", "")
     return cars.with_car(own, base.evidence_)

@@ -21,7 +21,7 @@ from tripwatt.physics import simulate_trip
 from tripwatt.routes.free_flow import TravelTimeFactors, free_flow_links, log_energy_ratios, moving_share
 from tripwatt.routes.links import LinkRoute
 from tripwatt.trips import Plan, Trip
-from tripwatt.uncertainty.route import energies
+from tripwatt.uncertainty.route import relative_differences
 from tripwatt.vehicles import Vehicle
 
 MIN_TRIPS: Final = 5
@@ -129,7 +129,7 @@ class FreeFlowTrips:
         return replace(plan.with_departure(trip.departure), start_s=float(trip.array("time_s")[0]))
 
     def differences(self, corrector: PowerCorrector, driven: SegmentTable, members: IntArray) -> FloatArray:
-        """Relative differences of energy: (on free-flow links - on the driven trace) / on the driven trace.
+        """Compare the predicted energies of trips on free-flow links with those on their driven traces.
 
         Parameters
         ----------
@@ -143,7 +143,7 @@ class FreeFlowTrips:
         Returns
         -------
         ndarray, shape (members,)
-            Differences [1], NaN for trips that could not be planned.
+            Results of `relative_differences`; NaN for trips that could not be planned.
         """
         differences = np.full(len(members), np.nan)
         factors = self.factors(members.tolist())
@@ -153,8 +153,7 @@ class FreeFlowTrips:
             plan = self.plan(int(k), factors)
             if plan is not None:
                 table = segment_table(plan, simulate_trip(self.vehicle, plan))
-                base = driven.take([int(k)])
-                differences[row] = energies(corrector, table)[0] / energies(corrector, base)[0] - 1.0
+                differences[row] = relative_differences(corrector, table, driven.take([int(k)]))[0, 0]
         return differences
 
     def uncertainty(self, differences: FloatArray) -> FreeFlowUncertainty | None:

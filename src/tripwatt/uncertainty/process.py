@@ -55,7 +55,7 @@ class Segments:
     outside_sd_wh : float
         Standard deviation of the trip's energy due to conditions outside the corrector's training [Wh].
     net_wh : float
-        Simulated energy of the trip [Wh].
+        Simulated energy of the trip without the potential energy of its climb [Wh].
     distance_m : float
         Length of the trip [m].
 
@@ -111,7 +111,7 @@ def process_segments(
         climate_w=table.columns["climate_w"],
         corrector_sd_wh=float(np.linalg.norm(table.hours @ uncertainty_w)),
         outside_sd_wh=0.0 if outside_w is None else float(np.linalg.norm(table.hours @ outside_w)),
-        net_wh=float((table.hours * table.simulated_w).sum()),
+        net_wh=float(table.hours @ (table.simulated_w - table.columns["climb_w"])),
         distance_m=float((table.hours * table.columns["speed_m_s"]).sum()) * SECONDS_PER_HOUR,
     )
 

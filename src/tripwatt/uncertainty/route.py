@@ -94,7 +94,7 @@ class RouteUncertainty:
         Returns
         -------
         float
-            Fraction of the trip's energy [1].
+            Fraction of the trip's energy without its climb [1].
         """
         length, variance = np.concatenate(([0.0], self.length_m)), np.concatenate(([0.0], self.variance))
         return float(np.sqrt(np.interp(link_m, length, variance)))
@@ -140,7 +140,7 @@ class LinkedTrips:
         Returns
         -------
         ndarray, shape (members, lengths)
-            (energy on links - energy on the driven trace) / energy on the driven trace [1]; NaN for trips that were not cut.
+            Result of `relative_differences`; NaN for trips that were not cut.
 
         Examples
         --------
@@ -152,14 +152,20 @@ class LinkedTrips:
         if not cut:
             return differences
         on_links = SegmentTable.join([table for k in cut for table in self.tables[int(members[k])]])
-        base = energies(corrector, driven.take(members[cut]))[:, None]
-        differences[cut] = energies(corrector, on_links).reshape(len(cut), len(LENGTHS_M)) / base - 1.0
+        differences[cut] = relative_differences(corrector, on_links, driven.take(members[cut]))
         return differences
 
 
-def energies(corrector: PowerCorrector, table: SegmentTable) -> FloatArray:
-    """Corrected energy of each trip of a table [Wh], shape (trips,)."""
-    return table.totals_wh(table.simulated_w + corrector.predict(table))
+def relative_differences(
+    corrector: PowerCorrector, planned: SegmentTable, driven: SegmentTable
+) -> FloatArray:
+    """Energy of plans minus that of the driven trace, over the latter without its climb [1], shape (trips, plans of each trip).
+
+    Speeds do not change the potential energy of the climb, so it does not count in the divisor.
+    """
+    driven_wh, planned_wh = (t.totals_wh(t.simulated_w + corrector.predict(t)) for t in (driven, planned))
+    level_wh = driven_wh - driven.totals_wh(driven.columns["climb_w"])
+    return np.asarray((planned_wh.reshape(len(driven), -1) - driven_wh[:, None]) / level_wh[:, None])
 
 
 def linked_trips(trips: Sequence[Trip], vehicle: Vehicle) -> LinkedTrips:

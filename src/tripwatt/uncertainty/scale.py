@@ -114,7 +114,7 @@ class TotalScale:
         Parameters
         ----------
         net_wh, moved_wh : float
-            Energy of the trip, and energy moved at its wheels [Wh].
+            Energy of the trip without the potential energy of its climb, and energy moved at its wheels [Wh].
         distance_m : float
             Length of the trip [m].
 

@@ -762,6 +762,7 @@ const de: Text = {
       transients: "Beschleunigen und Bremsen",
       frost: "Last je 10 °C unter null",
       warm_up: "Last nach Abfahrt bei 0 °C",
+      climb: "Steigung, durch die Masse",
       near_minus_8: "Verbrauch um −8 °C",
       near_2: "Verbrauch um 2 °C",
       near_12: "Verbrauch um 12 °C",

@@ -762,6 +762,7 @@ export const en = {
       transients: "braking and accelerating",
       frost: "load for each 10 °C below freezing",
       warm_up: "load after a departure at 0 °C",
+      climb: "climbing, by the mass",
       near_minus_8: "consumption around −8 °C",
       near_2: "consumption around 2 °C",
       near_12: "consumption around 12 °C",

@@ -107,7 +107,7 @@ class Learner:
         base, stored = load_model(self.base), self.stored
         adaptation = Adaptation.before_trips(base, self.vehicle, population_of(base))
         evidence = None if stored is None else stored.evidence_
-        if stored is not None and evidence is not None and evidence.is_current and stored.roads_ is not None:
+        if stored is not None and evidence is not None and stored.roads_ is not None:
             return adaptation.with_evidence(evidence, stored.ranges_, stored.roads_)
         if not self.seen:
             return adaptation

@@ -25,7 +25,7 @@ from tripwatt.files import MAX_TEXT_BYTES, parse_toml, read_text_file
 from tripwatt.forecasting import ForecastModel, load_model
 from tripwatt.forecasting.fitting import versions
 from tripwatt.hybrid import SegmentTable, segment_trips
-from tripwatt.hybrid.factors import SDS, TripEvidence
+from tripwatt.hybrid.factors import TripEvidence
 from tripwatt.hybrid.learning import KINDS
 from tripwatt.hybrid.parameters import on_road
 from tripwatt.learners.folds import Split
@@ -348,15 +348,13 @@ def _mean_over_draws(scores: Sequence[Mapping[str, float]]) -> dict[str, Any]:
 def _constant_residuals(train: TripEvidence, test: TripEvidence, lengths: Mapping[str, float]) -> FloatArray:
     """Residuals of a forecast with one energy per metre, fitted to the known trips."""
     rate = train.observed_wh.sum() / sum(lengths[name] for name in train.trip_ids)
-    simulated = test.observed_wh - test.residual_wh
-    return np.array([rate * lengths[name] for name in test.trip_ids]) - simulated
+    return np.array([rate * lengths[name] for name in test.trip_ids]) - test.simulated_wh
 
 
 def _one_factor_residuals(train: TripEvidence, test: TripEvidence) -> FloatArray:
     """Residuals of a forecast with one factor on the simulated energy, fitted to the known trips."""
-    simulated = train.factors_wh[:, 0] / SDS[0]
-    factor = train.observed_wh.sum() / simulated.sum()
-    return np.asarray((factor - 1.0) * test.factors_wh[:, 0] / SDS[0])
+    factor = train.observed_wh.sum() / train.simulated_wh.sum()
+    return np.asarray((factor - 1.0) * test.simulated_wh)
 
 
 def _by_cause_residuals(train: TripEvidence, test: TripEvidence) -> FloatArray:
