@@ -6,7 +6,7 @@ times come from the car's other trips, and beside that from the model that the c
 trips, with the same car, is the best case. The difference is split by replacing one thing after the other, so that the parts add up.
 
 Beside that the travel times are tested where they were not learned: those of each data set on the trips of every other. `--write` renews
-docs/results/before.json and the parts `before` of the README and of docs/explanation/results.md.
+docs/results/before.json and the part `before` of docs/explanation/results.md.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ import pandas as pd
 from tools import DATA, DOCS, ROOT
 from tools.command import run
 from tools.docs import pages
-from tools.docs.before_page import DRIVEN, ELSEWHERE, PLANNED, short, text_of
+from tools.docs.before_page import DRIVEN, ELSEWHERE, PLANNED, text_of
 
 from benchmarks.cars import cars as every_car
 from benchmarks.measure import Row, report
@@ -337,7 +337,6 @@ def rows_of_known(text: str, row: Mapping[str, Any], n: int) -> Iterator[Row]:
 def publish(results: Mapping[str, Any]) -> None:
     """The results file, and the parts of pages."""
     RESULT.write_text(json.dumps(results, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
-    pages.renew(ROOT / "README.md", "before", short(results))
     pages.renew("explanation/results.md", "before", text_of(results))
 
 

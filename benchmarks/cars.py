@@ -26,6 +26,7 @@ from tools.docs.tables import markdown
 
 from benchmarks.measure import Row, report
 from benchmarks.unknown_climb import trips_of
+from tripwatt.arrays import FloatArray
 from tripwatt.auditing import audit
 from tripwatt.certification import describe_car
 from tripwatt.forecasting import load_model
@@ -95,16 +96,21 @@ def on_dynamometer(vehicle: Vehicle) -> Vehicle:
     )
 
 
+def lab_errors(whole: SegmentTable) -> dict[str, FloatArray]:
+    """Simulated over measured energy of each run, less one, by kind of run."""
+    observed, simulated = (whole.totals_wh(w) for w in (whole.observed_power_w, whole.simulated_w))
+    steady = np.array(["_CS_" in name or "_SPEED_" in name for name in whole.trip_ids])
+    error = simulated / observed - 1.0
+    return {"constant speeds": error[steady], "cycles": error[~steady]}
+
+
 def stage_rows(folder: Path) -> Iterator[Row]:
     """Each stage of the sedan on the dynamometer, with published values: nothing is fitted."""
     car = on_dynamometer(load_vehicle("tesla_model_3_lr"))
     whole = SegmentTable.join(lab_tables(folder, car))
-    observed, simulated = (whole.totals_wh(w) for w in (whole.observed_power_w, whole.simulated_w))
-    steady = np.array(["_CS_" in name or "_SPEED_" in name for name in whole.trip_ids])
-    for what, its in (("constant speeds", steady), ("cycles", ~steady)):
-        error = simulated[its] / observed[its] - 1.0
+    for what, error in lab_errors(whole).items():
         yield Row(
-            f"sedan on the dynamometer, {what}: mean error of {its.sum()} runs",
+            f"sedan on the dynamometer, {what}: mean error of {error.size} runs",
             float(np.abs(error).mean()),
             note=f"bias {error.mean():+.3f}",
         )

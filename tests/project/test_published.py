@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from benchmarks import country
 from tests.support import ROOT
-from tools.docs import publish_results, write_cli, write_figures
+from tools.docs import accuracy_page, publish_results, write_cli, write_figures
 from tools.docs.pages import of_page, without_parts
 
 from tripwatt.vehicles import load_vehicle
@@ -18,12 +18,11 @@ DOCS = ROOT / "docs"
 
 
 @pytest.mark.parametrize(("protocol", "model"), [("paper", "boosting"), ("forecast", "hybrid")])
-def test_readme_and_page_show_the_published_results(protocol: str, model: str, tmp_path: Path) -> None:
-    readme, page = pages(tmp_path)
+def test_the_page_shows_the_published_results(protocol: str, model: str, tmp_path: Path) -> None:
+    page = copied(tmp_path)
     source = DOCS / "results" / f"{protocol}.json"
-    copy = publish_results.publish(source, tmp_path / "results", readme, page)
-    require_as_published(readme, page, "make results")
-    for name in ("paper.md", "uncertainty.md"):
+    copy = publish_results.publish(source, tmp_path / "results", page)
+    for name in PAGES:
         assert (tmp_path / name).read_text(encoding="utf-8") == (DOCS / "explanation" / name).read_text(
             encoding="utf-8"
         ), "make results"
@@ -33,12 +32,10 @@ def test_readme_and_page_show_the_published_results(protocol: str, model: str, t
     for scored in (changed["evaluations"][0], changed.get("studies", changed["evaluations"][0])):
         scored["models"][model]["mape"] = 0.777
     (tmp_path / "results.json").write_text(json.dumps(changed), encoding="utf-8")
-    publish_results.publish(tmp_path, tmp_path / "results", readme, page)
+    publish_results.publish(tmp_path, tmp_path / "results", page)
     assert "77.7" in page.read_text(encoding="utf-8")
     paper = (tmp_path / "paper.md").read_text(encoding="utf-8")
     assert ("77.7" in paper) == (protocol == "paper")
-    # the README shows the forecast alone
-    assert ("77.7" in readme.read_text(encoding="utf-8")) == (protocol == "forecast")
 
 
 def test_values_from_the_scored_logs_are_named_beside_their_figures() -> None:
@@ -118,28 +115,45 @@ def test_a_typed_accuracy_figure_is_seen() -> None:
     assert not typed_figures("It errs by <!-- fig: a/b | % -->6.2<!-- /fig --> %.")
 
 
-def pages(folder: Path) -> tuple[Path, Path]:
-    """Copies of the README and of the page of results."""
-    readme, page = folder / "README.md", folder / "results.md"
-    shutil.copy(ROOT / "README.md", readme)
-    shutil.copy(DOCS / "explanation" / "results.md", page)
-    for name in ("paper.md", "uncertainty.md"):
+PAGES = ("results.md", "paper.md", "uncertainty.md")
+"""Pages that an evaluation writes."""
+
+
+def copied(folder: Path) -> Path:
+    """Copies of the pages; gives that of the results."""
+    for name in PAGES:
         shutil.copy(DOCS / "explanation" / name, folder / name)
-    return readme, page
+    return folder / "results.md"
 
 
-def require_as_published(readme: Path, page: Path, how: str) -> None:
-    assert readme.read_text(encoding="utf-8") == (ROOT / "README.md").read_text(encoding="utf-8"), how
-    assert page.read_text(encoding="utf-8") == (DOCS / "explanation" / "results.md").read_text(
-        encoding="utf-8"
-    ), how
+def test_readme_and_pages_show_every_outside_check() -> None:
+    names = ("outside", "cars", "before", "links")
+    outside, cars, before, links = map(accuracy_page.published, names)
+    shown = accuracy_page.text_of(outside, cars, accuracy_page.planned_rows(before, links))
+    assert of_page(accuracy_page.PAGE, "accuracy") == shown, "make results"
+    line = accuracy_page.line(cars, before)
+    for page in ("../README.md", "index.md", accuracy_page.PAGE):
+        assert of_page(page, "line") == line, "make results"
+    errors = [car["curves"]["population"][0]["error"] for car in cars["cars"]]
+    assert f"Unseen cars: {100 * sum(errors) / len(errors):.1f} %" in line
+    cars["cars"][0]["curves"]["population"][0]["error"] += 1.0
+    assert accuracy_page.line(cars, before) != line
+    groups = [check["group"] for check in outside["checks"]]
+    assert set(groups) == {"road tests", "certified", "dynamometer"}
+    assert {"summer", "winter"} <= {
+        c["name"].partition(",")[0] for c in outside["checks"] if c["group"] == "road tests"
+    }
+    drawn = accuracy_page.figure(outside, cars, accuracy_page.planned_rows(before, links))
+    assert all(
+        "[" in axes.get_xlabel() for axes in drawn.axes[:1] + [a for f in drawn.subfigs for a in f.axes]
+    )
 
 
 def test_the_page_shows_the_published_figures_of_planned_routes(tmp_path: Path) -> None:
-    readme, page = pages(tmp_path)
+    page = copied(tmp_path)
     published = DOCS / "results" / "links.json"
-    copy = publish_results.publish(published, tmp_path / "results", readme, page)
-    require_as_published(readme, page, "python -m tools.docs.publish_results docs/results/links.json")
+    copy = publish_results.publish(published, tmp_path / "results", page)
+    assert page.read_text(encoding="utf-8") == (DOCS / "explanation" / page.name).read_text(encoding="utf-8")
     assert copy.read_text(encoding="utf-8") == published.read_text(encoding="utf-8")
     changed = json.loads(published.read_text(encoding="utf-8"))
     assert (changed["synthetic"], changed["n_trips"]) == (False, 58)
@@ -149,7 +163,7 @@ def test_the_page_shows_the_published_figures_of_planned_routes(tmp_path: Path) 
     assert "90th percentile of the moving speed of this drive" in shown
     changed["known"]["250 m"]["mape"] = 0.666
     (tmp_path / "results.json").write_text(json.dumps(changed), encoding="utf-8")
-    publish_results.publish(tmp_path, tmp_path / "results", readme, page)
+    publish_results.publish(tmp_path, tmp_path / "results", page)
     assert "| 66.6 |" in page.read_text(encoding="utf-8")
     for row in changed["known"].values():
         rows = row["by_trip"]

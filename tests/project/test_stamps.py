@@ -50,8 +50,7 @@ def test_a_file_of_results_is_in_the_table() -> None:
 
 
 FOLLOWS = {
-    "README.md": {"example", "results"},
-    "docs/index.md": {"results"},
+    "README.md": {"example"},
     "docs/explanation/results.md": {"paper", "forecast", "links"},
     "docs/explanation/paper.md": {"paper-page"},
     "docs/reference/citing.md": {"bibtex"},

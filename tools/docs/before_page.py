@@ -20,28 +20,6 @@ LABELS: Final = {
 }
 
 
-def short(results: Record) -> str:
-    """The part of the README."""
-    car = results["cars"][0]
-    known_trips, n = car["known"], car["trips"]
-
-    def energy(name: str) -> str:
-        return f"{number(known_trips[name]['mape'], 100, 1)} % (95 % interval {span(known_trips[name]['mape_ci95'])} %)"
-
-    def duration(name: str) -> str:
-        return f"{number(known_trips[name]['duration']['mape'], 100, 1)} %"
-
-    def inside(name: str) -> str:
-        return f"{known_trips[name]['inside']['0.9']} trips lie inside the 90 % interval"
-
-    return (
-        f"**Before departure**, for {n} trips of a Renault Twizy, planned from speed limits and heights, each by a model without it, the energy errs by "
-        f"{energy(PLANNED)} in the mean, the duration by {duration(PLANNED)}, and {inside(PLANNED)}. With travel times of another car and country the "
-        f"energy errs by {energy(ELSEWHERE)}, the duration by {duration(ELSEWHERE)}, and {inside(ELSEWHERE)}; with the driven trace, the best case, the "
-        f"energy errs by {energy(DRIVEN)}, and {inside(DRIVEN)}."
-    )
-
-
 def text_of(results: Record) -> str:
     """The part of the page of results."""
     tables = (*before_tables(results), transfer_table(results))

@@ -1,4 +1,4 @@
-"""What a forecast loses when only a planned route is known, for the README: from a results file of the protocol `links`."""
+"""What a forecast loses when only a planned route is known, as Markdown: from a results file of the protocol `links`."""
 
 from __future__ import annotations
 

@@ -146,7 +146,6 @@ RESULTS: Final = (
         ("-m benchmarks.before --write",),
         (
             "docs/results/before.json",
-            "README.md#before",
             "docs/explanation/results.md#before",
         ),
         ("tum", "ved", "twizy", "sedan", POPULATION, MODEL),
@@ -198,6 +197,26 @@ RESULTS: Final = (
         "sedan",
         MODEL,
         minutes=5,
+    ),
+    Result(
+        "outside",
+        ("-m benchmarks.outside --write",),
+        (
+            "docs/results/outside.json",
+            "docs/images/accuracy.png",
+            "docs/explanation/accuracy.md#accuracy",
+            "docs/explanation/accuracy.md#line",
+            "docs/index.md#line",
+            "README.md#line",
+        ),
+        (
+            "cycles",
+            "argonne",
+            "catalogue",
+            "sedan",
+            *(f"docs/results/{name}.json" for name in ("cars", "before", "links")),
+        ),
+        1,
     ),
     Result("peers", ("make peers",), ("docs/explanation/peers.md#peers",), ("tum", "ved"), 4),
     Result(

@@ -1,7 +1,7 @@
 """Publish an evaluation: ``python -m tools.docs.publish_results [OUT]``, a step of ``make results``.
 
 Renews docs/explanation/paper.md from the protocol `paper`. Copies OUT/results.json (scores and findings, no trip data) to docs/results/, as `paper.json` or `forecast.json` by its
-protocol, renews the tables of docs/explanation/results.md from it and, from the protocol `forecast`, the short table of the README. OUT
+protocol, and renews the tables of docs/explanation/results.md from it. OUT
 is `out` by default; a JSON file, such as the published one itself, or what `python -m benchmarks.planned --json FILE`
 writes, serves as well.
 """
@@ -14,9 +14,9 @@ from pathlib import Path
 
 from PIL import Image
 
-from tools import DOCS, ROOT
+from tools import DOCS
 from tools.docs.paper_page import FIGURES
-from tools.docs.results_pages import update_coverage, update_paper_page, update_readme, update_results_page
+from tools.docs.results_pages import update_coverage, update_paper_page, update_results_page
 
 RESULTS = DOCS / "results"
 
@@ -24,7 +24,6 @@ RESULTS = DOCS / "results"
 def publish(
     out: Path,
     results_folder: Path = RESULTS,
-    readme: Path = ROOT / "README.md",
     page: Path = DOCS / "explanation" / "results.md",
 ) -> Path:
     """Copy and renew; gives the copy.
@@ -33,15 +32,14 @@ def publish(
     ----------
     out : Path
         Folder of `tripwatt evaluate`, or a `results.json`.
-    results_folder, readme, page : Path
-        Where the copy, the short table and the wide tables go. What the intervals held is written into `uncertainty.md` beside
+    results_folder, page : Path
+        Where the copy and the wide tables go. What the intervals held is written into `uncertainty.md` beside
         the latter. The page on the paper, `paper.md`, stands beside the latter, and its figures are copied from OUT/figures
         to the folder `images` beside both.
     """
     source = out / "results.json" if out.is_dir() else out
     results = json.loads(source.read_text(encoding="utf-8"))
     update_results_page(results, page)
-    update_readme(results, readme)
     if results["protocol"] == "forecast":
         update_coverage(results, page.with_name("uncertainty.md"))
     if results["protocol"] == "paper":

@@ -1,7 +1,6 @@
 """Tables of Markdown pages, written between markers from a `results.json` and never by hand.
 
-The README holds one short table, that of the forecast. The wide tables of every protocol stand in `docs/explanation/results.md`, each
-between markers of its own.
+The wide tables of every protocol stand in `docs/explanation/results.md`, each between markers of its own.
 """
 
 from __future__ import annotations
@@ -17,30 +16,12 @@ from tools.docs.tables import CELLS_NOTE, intervals_side_by_side, markdown, on_n
 from tripwatt.errors import InvalidInput
 from tripwatt.files import write_bytes
 from tripwatt.study.evaluation import DEFAULT_PROTOCOL
-from tripwatt.study.report.panels.paired import SIGNIFICANCE_NOTE, difference_column
+from tripwatt.study.report.panels.paired import SIGNIFICANCE_NOTE
 from tripwatt.study.report.panels.results_table import results_table, sets_table
 from tripwatt.study.report.panels.uncertainty import coverage_by_set, scored_sets, updates_table
-from tripwatt.study.report.shortlist import short_table
 from tripwatt.study.report.view import View
 from tripwatt.study.report.words import listed
 from tripwatt.vehicles import load_vehicle
-
-
-def render_short(results: Mapping[str, Any]) -> str:
-    """The short table as Markdown: title, mean error with its interval, and how often a forecast's interval holds.
-
-    Parameters
-    ----------
-    results : mapping
-        The contract of `results.json`.
-    """
-    view = View(results)
-    note = (
-        "The best model of each kind and, in bold, the forecast that tripwatt gives, on trips that they were not fitted on, "
-        f"{view.protocol.given}."
-    )
-    table = markdown(short_table(view, difference_column(view)))
-    return "\n\n".join([table, f"{note} {_significant()} {on_names(view)}"])
 
 
 def _significant() -> str:
@@ -108,8 +89,6 @@ def _origin(results: Mapping[str, Any]) -> str:
 
 Render = Callable[[Mapping[str, Any]], str]
 
-README: Final[Mapping[str, Render]] = MappingProxyType({"forecast": render_short})
-"""Protocol -> what the README shows of its results."""
 PAGE: Final[Mapping[str, Render]] = MappingProxyType(
     {"paper": render_paper, "forecast": render_forecast, "links": render_links}
 )
@@ -127,29 +106,12 @@ def markers(key: str) -> tuple[str, str]:
     return f"<!-- {key}:begin -->", f"<!-- {key}:end -->"
 
 
-def update_readme(results: Mapping[str, Any], readme_path: Path) -> None:
-    """Replace what stands between the markers of a README by the short table. The rest stays as it is.
-
-    Only the protocols of `README` change the README. This and the other writers take the contract of `results.json` and a page
-    that holds its markers, once each and in this order; they raise `InvalidInput` where the markers are not there.
-
-    Examples
-    --------
-    >>> import tempfile
-    >>> with tempfile.TemporaryDirectory() as folder:
-    ...     page = Path(folder, "README.md")
-    ...     _ = page.write_text("As it is.")
-    ...     update_readme({"protocol": "unknown"}, page)
-    ...     print(page.read_text())
-    As it is.
-    """
-    render = README.get(str(results.get("protocol")))
-    if render is not None:
-        _between(readme_path, "results", render(results))
-
-
 def update_results_page(results: Mapping[str, Any], page_path: Path) -> None:
-    """Replace what stands between the markers of a protocol by its wide tables, also for what `benchmarks.planned` writes."""
+    """Replace what stands between the markers of a protocol by its wide tables, also for what `benchmarks.planned` writes.
+
+    This and the other writers take the contract of `results.json` and a page that holds its markers, once each and in this order; they
+    raise `InvalidInput` where the markers are not there.
+    """
     name = str(results.get("protocol"))
     key = name if name in PAGE else DEFAULT_PROTOCOL
     _between(page_path, key, PAGE[key](results))

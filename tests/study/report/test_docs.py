@@ -43,7 +43,7 @@ def test_the_indices_list_every_page() -> None:
     assert set(DOCS.rglob("*.md")) - listed == set()
 
 
-README_PLACES = tuple(map(markers, ("results", "before", "example")))
+README_PLACES = tuple(map(markers, ("line", "example")))
 PAGE_PLACES = tuple(map(markers, (*PAGE, "before")))
 
 

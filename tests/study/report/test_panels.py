@@ -10,7 +10,7 @@ import matplotlib.text
 import numpy as np
 import pandas as pd
 import pytest
-from tools.docs.results_pages import update_readme, update_results_page
+from tools.docs.results_pages import update_results_page
 
 from tripwatt.errors import InvalidInput
 from tripwatt.study.report.model_styles import model_styles
@@ -126,37 +126,30 @@ def test_short_table_is_the_best_of_each_kind_and_holds_the_best_of_all(made_up:
     assert short_table_models(View({"evaluations": [few]})) == ["linear4", "linear6", "physics"]
 
 
-@pytest.mark.parametrize(
-    ("update", "marker", "protocol"),
-    [(update_readme, "results", "forecast"), (update_results_page, "paper", "paper")],
-)
-def test_a_page_holds_the_results_and_keeps_the_rest(
-    update: Callable[..., None], marker: str, protocol: str, run: SimpleNamespace, tmp_path
-) -> None:
+def test_a_page_holds_the_results_and_keeps_the_rest(run: SimpleNamespace, tmp_path) -> None:
     page = tmp_path / "page.md"
-    page.write_text(f"# Title\n<!-- {marker}:begin -->\nold\n<!-- {marker}:end -->\ntail\n", encoding="utf-8")
-    results = {**run.results, "protocol": protocol}
-    update(results, page)
+    page.write_text("# Title\n<!-- paper:begin -->\nold\n<!-- paper:end -->\ntail\n", encoding="utf-8")
+    results = {**run.results, "protocol": "paper"}
+    update_results_page(results, page)
     once = page.read_text(encoding="utf-8")
-    update(results, page)
+    update_results_page(results, page)
     assert page.read_text(encoding="utf-8") == once
-    assert once.startswith(f"# Title\n<!-- {marker}:begin -->\n")
-    assert once.endswith(f"\n<!-- {marker}:end -->\ntail\n")
+    assert once.startswith("# Title\n<!-- paper:begin -->\n")
+    assert once.endswith("\n<!-- paper:end -->\ntail\n")
     assert "\nold\n" not in once
     view = View(results)
-    shown = MODELS if protocol == "paper" else short_table_models(view)
-    assert all(f"{100 * view.main['models'][m]['mape']:.1f}" in once for m in shown)
+    assert all(f"{100 * view.main['models'][m]['mape']:.1f}" in once for m in MODELS)
 
 
-@pytest.mark.parametrize("text", ["", "<!-- results:begin -->", "<!-- results:end --><!-- results:begin -->"])
-def test_readme_without_its_markers_is_refused_and_left_alone(
+@pytest.mark.parametrize("text", ["", "<!-- paper:begin -->", "<!-- paper:end --><!-- paper:begin -->"])
+def test_a_page_without_its_markers_is_refused_and_left_alone(
     text: str, run: SimpleNamespace, tmp_path
 ) -> None:
-    readme = tmp_path / "README.md"
-    readme.write_text(text, encoding="utf-8")
+    page = tmp_path / "page.md"
+    page.write_text(text, encoding="utf-8")
     with pytest.raises(InvalidInput, match="no place for the results"):
-        update_readme({**run.results, "protocol": "forecast"}, readme)
-    assert readme.read_text(encoding="utf-8") == text
+        update_results_page({**run.results, "protocol": "paper"}, page)
+    assert page.read_text(encoding="utf-8") == text
 
 
 def test_table_cells_are_those_of_the_results(view: View) -> None:

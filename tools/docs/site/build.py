@@ -30,7 +30,6 @@ from sphinx.util.docutils import docutils_namespace, patch_docutils
 
 from tools import DOCS, ROOT
 from tools.docs import gallery, write_cli
-from tools.docs import pages as parts
 
 HERE: Final = Path(__file__).resolve().parent
 
@@ -105,8 +104,6 @@ def stage(folder: Path) -> None:
             file.write(f"\n{text}\n")
     for name in gallery.NAMES:
         _write(folder / "gallery" / f"{name}.md", gallery.page_of(name))
-    index, readme = folder / "index.md", (ROOT / "README.md").read_text("utf-8")
-    _write(index, parts.with_part(index.read_text("utf-8"), "results", parts.part(readme, "results")))
     for name, words in WORDS.items():
         _write(folder / name, with_words((folder / name).read_text("utf-8"), words))
     for name in ("examples", "images", "reference/openapi"):
