@@ -17,7 +17,7 @@ export MYPY_NUM_WORKERS ?= $(WORKERS)
 PIP_INSTALL = -m pip install --quiet --disable-pip-version-check
 UV = UV_CACHE_DIR=.venv-tools/cache UV_PYTHON_DOWNLOADS=never .venv-tools/bin/uv
 
-.PHONY: types run depot check check-latest lowest constraints image release docs bench peers bars bars-fleet results page browser add-on hass clean
+.PHONY: help types run depot check check-latest lowest constraints image release docs bench peers bars bars-fleet results page browser add-on hass clean
 
 .venv/.ready: pyproject.toml gamm/pyproject.toml
 	$(PYTHON) -m venv .venv
@@ -68,14 +68,8 @@ hass: .venv-hass/.ready .venv-emhass/.ready  ## Home Assistant and EMHASS for th
 	.venv-tools/bin/python $(PIP_INSTALL) --no-deps --require-hashes -r constraints/tools.txt
 	touch $@
 
-# The checks of a virtual environment. Types come first: a test checks the types of a script with the same cache.
-define gate
-$(1)/bin/ruff format --check .
-$(1)/bin/ruff check .
-$(1)/bin/lint-imports
-$(1)/bin/mypy
-$(1)/bin/python -m pytest -n $(TEST_WORKERS) --dist loadscope --no-loadscope-reorder
-endef
+help:  ## what each command does
+	@sed -n 's/^\([a-z][a-z-]*\):[^#]*## /\1 \&/p' Makefile | awk -F'&' '{ printf "make %-14s %s\n", $$1, $$2 }'
 
 run: .venv/.ready  ## the main job: on DATA, or on the sample of real trips in the package
 	.venv/bin/tripwatt evaluate $(DATA) --out $(OUT)
@@ -88,13 +82,13 @@ depot: .venv/.ready  ## an example depot: its report, its night and the vehicles
 	.venv/bin/tripwatt fleet report out/depot/store out/depot/models $(NIGHT) --drivers --out out/depot/report
 	.venv/bin/tripwatt fleet choose docs/examples/tonight.csv --registry out/depot/models --climate out/depot/store
 
-check: .venv-check/.ready  ## the whole gate, with the versions of constraints/check.txt
-	$(call gate,.venv-check)
+check: .venv-check/.ready  ## the whole gate, with the versions of constraints/check.txt, and what each part costs
+	TEST_WORKERS=$(TEST_WORKERS) .venv-check/bin/python -m tools.quality.gate
 
 check-latest: .venv-tools/.ready  ## the gate with the newest release of everything
 	$(PYTHON) -m venv --clear .venv-latest
 	$(UV) pip install --quiet --python .venv-latest/bin/python --upgrade --refresh -e gamm -e ".[dev,interop]"
-	$(call gate,.venv-latest)
+	TEST_WORKERS=$(TEST_WORKERS) .venv-latest/bin/python -m tools.quality.gate
 
 lowest: .venv-tools/.ready  ## the tests without a browser, with the lowest declared release of each dependency
 	$(UV) venv --quiet --clear --python 3.11 .venv-lowest
@@ -170,7 +164,7 @@ bars: .venv-bench/.ready  ## the long measurements against the project's own bar
 bars-fleet: .venv-bench/.ready  ## the long measurements of a fleet: store, cluster, truth, peers
 	.venv-bench/bin/python -m benchmarks.fleet
 
-results: .venv-check/.ready  ## what is published and stale, anew, then all pages; needs the data, see CONTRIBUTING
+results: .venv-check/.ready  ## what is published and stale, anew, then all pages; needs TRIPWATT_DATA, _REFERENCE and _CATALOGUE
 	.venv-check/bin/python -m tools.docs.make_results
 
 clean:

@@ -1,7 +1,7 @@
 """Simulated against measured energy of the BMW i3 on Argonne's dynamometer, row by row.
 
-Run: ``python -m benchmarks.argonne [--write]``. Needs the Argonne rows and the cycles, see the environment variables
-TRIPWATT_REFERENCE and TRIPWATT_DATA in CONTRIBUTING.
+Run: ``python -m benchmarks.argonne [--write]``. Needs the Argonne rows and the cycles in the folders
+of the environment variables TRIPWATT_REFERENCE and TRIPWATT_DATA.
 """
 
 from __future__ import annotations

@@ -13,9 +13,14 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+import typer.main
+import yaml
 from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
 from tests.support import ROOT
+from tools.quality import gate
+
+from tripwatt.command import app
 
 FILES = ("check.txt", "core.txt", "service.txt", "map.txt", "tools.txt")
 WORKFLOWS = sorted((ROOT / ".github" / "workflows").iterdir())
@@ -229,6 +234,18 @@ def test_citation_workflow_and_hooks_agree_with_the_project() -> None:
     assert re.findall(r"3\.\d+", pythons) == listed
     assert "\n      - run: .ci/run\n" in workflow
     hooks = (ROOT / ".pre-commit-config.yaml").read_text("utf-8")
-    gate = re.findall(r"\$\(1\)/bin/((?:ruff|mypy|lint)[^\n&]*)", (ROOT / "Makefile").read_text("utf-8"))
+    quick = [words for part, words in gate.PARTS.items() if part != "tests"]
     hooked = {entry.removeprefix(".venv-check/bin/") for entry in re.findall(r"entry: (.+)", hooks)}
-    assert hooked == {command.strip().removesuffix(" .") for command in gate}
+    assert hooked == {words.removesuffix(" .") for words in quick}
+
+
+def test_the_forms_of_issues_name_commands_that_there_are() -> None:
+    forms = {file.stem: file.read_text("utf-8") for file in (ROOT / ".github" / "ISSUE_TEMPLATE").iterdir()}
+    assert set(forms) == {"addition", "config", "fault", "forecast"}
+    assert "SECURITY.md" in forms.pop("config")
+    for name, text in forms.items():
+        found = yaml.safe_load(text)
+        assert {"name", "description", "body"} == set(found), name
+        assert all(part["validations"]["required"] for part in found["body"]), name
+        for words in re.findall(r"`tripwatt ([a-z]+)`", text):
+            assert words in typer.main.get_command(app).commands, words  # type: ignore[attr-defined]
