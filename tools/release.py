@@ -1,8 +1,9 @@
 """A release that anybody can repeat, into `dist`: ``make release``.
 
-It builds sdist and wheel twice, from two copies of the commit at places of their own, and refuses where a byte differs. Beside them it writes
-the bill of materials, the provenance, the release notes and the sums of all, none of which has a time or a name of the machine. It
-installs the wheel into an empty environment for each Python that is at hand, and runs the commands of the README there. Nothing is uploaded.
+It builds sdist and wheel twice, from two copies of the commit at places of their own, and each wheel from its sdist, and refuses where a byte
+differs. Beside them it writes the bill of materials, the provenance, the release notes and the sums of all, none of which has a time or a name
+of the machine. For each Python that is at hand it collects both wheels and what they need in a folder, installs them from that folder alone
+into an empty environment, and runs the commands of the README there. Nothing is uploaded.
 """
 
 from __future__ import annotations
@@ -32,7 +33,11 @@ from tools.quality.contract import BREAKS, released
 TOOLS: Final = ROOT / ".venv-tools" / "bin"
 DIST: Final = ROOT / "dist"
 DISTRIBUTIONS: Final = (".", "gamm")
+NAMES: Final = ("tripwatt", "tripwatt-gamm")
 """Folders of what is released: tripwatt, and the GAMM engine."""
+PAGE: Final = "src/tripwatt/server/http/page/manifest.json"
+PICTURES: Final = "docs/images/page.json"
+"""The digest of the page's sources that each picture shows."""
 MAX_WHEEL_BYTES: Final = 3_000_000
 MAX_IMPORT_S: Final = 0.15
 BUILDERS: Final = ("hatchling", "packaging", "pathspec", "pluggy", "trove-classifiers")
@@ -64,10 +69,19 @@ def not_ready(root: Path = ROOT) -> Iterator[str]:
         yield f"CHANGELOG.md has no section [{number}]: give the unreleased changes this title."
     if f"\nversion: {number}\n" not in (root / "CITATION.cff").read_text("utf-8"):
         yield f"CITATION.cff has another version than {number}."
+    if old := older_pictures(root):
+        yield f"Pictures of an older page: run tools/docs/write_page_images.py for {', '.join(old)}."
     if number <= last:
         yield f"{last} is released: set a later version in pyproject.toml and CITATION.cff."
     if BREAKS.read_text("utf-8") and number.release[:2] <= last.release[:2]:
         yield f"Clients of {last} break (docs/reference/openapi/breaks.txt): the release needs a new minor version."
+
+
+def older_pictures(root: Path = ROOT) -> list[str]:
+    """Pictures of the docs that show the page as older sources made it."""
+    now = json.loads((root / PAGE).read_text("utf-8"))["sources_sha256"]
+    shown = json.loads((root / PICTURES).read_text("utf-8"))
+    return sorted(name for name, digest in shown.items() if digest != now)
 
 
 def build(root: Path, folder: Path) -> dict[str, bytes]:
@@ -89,12 +103,8 @@ def build(root: Path, folder: Path) -> dict[str, bytes]:
     with tarfile.open(fileobj=BytesIO(archive)) as tree:
         tree.extractall(folder / "source", filter="data")
     out = folder / "out"
-    command = [sys.executable, "-m", "hatchling", "build", "-t", "sdist", "-t", "wheel", "-d", f"{out}"]
-    environment = {**os.environ, "SOURCE_DATE_EPOCH": _git(root, "log", "-1", "--format=%ct")}
     for place in DISTRIBUTIONS:
-        subprocess.run(
-            command, cwd=folder / "source" / place, check=True, capture_output=True, env=environment
-        )
+        _hatch(root, folder / "source" / place, out, "sdist", "wheel")
     return {file.name: file.read_bytes() for file in sorted(out.iterdir())}
 
 
@@ -107,7 +117,29 @@ def build_twice(root: Path = ROOT) -> dict[str, bytes]:
         first, second = build(root, Path(folder)), build(root, Path(another_folder))
     if first != second:
         sys.exit(f"two builds differ: {', '.join(name for name in first if first[name] != second.get(name))}")
+    with tempfile.TemporaryDirectory() as folder:
+        again = from_sdists(root, first, Path(folder))
+    if differing := [name for name, data in again.items() if first[name] != data]:
+        sys.exit(f"the wheel of an sdist differs: {', '.join(differing)}")
     return first
+
+
+def from_sdists(root: Path, built: Mapping[str, bytes], folder: Path) -> dict[str, bytes]:
+    """Build the wheel of each sdist, as who packages it elsewhere does; gives content by name of the file."""
+    for name, data in built.items():
+        if name.endswith(".tar.gz"):
+            with tarfile.open(fileobj=BytesIO(data)) as tree:
+                tree.extractall(folder, filter="data")
+            _hatch(root, folder / name.removesuffix(".tar.gz"), folder / "out", "wheel")
+    return {file.name: file.read_bytes() for file in sorted((folder / "out").iterdir())}
+
+
+def _hatch(root: Path, source: Path, out: Path, *targets: str) -> None:
+    """Build in a folder of sources, with the time of the commit."""
+    command = [sys.executable, "-m", "hatchling", "build", "-d", f"{out}"]
+    command += [word for target in targets for word in ("-t", target)]
+    environment = {**os.environ, "SOURCE_DATE_EPOCH": _git(root, "log", "-1", "--format=%ct")}
+    subprocess.run(command, cwd=source, check=True, capture_output=True, env=environment)
 
 
 def provenance(root: Path, built: Mapping[str, bytes]) -> dict[str, Any]:
@@ -154,7 +186,7 @@ def readme_commands(text: str) -> tuple[list[str], str]:
 
 
 def tried(wheels: Iterable[Path], python: str, folder: Path) -> str:
-    """Install the wheels into an empty environment, run the README there, and say how it went.
+    """Install the wheels from a folder without an index into an empty environment, run the README there, and say how it went.
 
     Parameters
     ----------
@@ -178,7 +210,22 @@ def tried(wheels: Iterable[Path], python: str, folder: Path) -> str:
     if call(uv, "venv", "--quiet", "--python", found, f"{folder}").returncode:
         return "not at hand"
     commands, code = readme_commands((ROOT / "README.md").read_text("utf-8"))
-    steps = [[uv, "pip", "install", "--quiet", "--python", f"{here / 'python'}", *map(str, wheels)]]
+    index = f"{folder.parent / 'index'}"
+    download = ("-m", "pip", "download", "--quiet", "--disable-pip-version-check", "--only-binary", ":all:")
+    steps = [
+        [f"{TOOLS / 'python'}", *download, "--python-version", python, "--dest", index, *map(str, wheels)]
+    ]
+    install = (
+        "pip",
+        "install",
+        "--quiet",
+        "--python",
+        f"{here / 'python'}",
+        "--no-cache",
+        "--offline",
+        "--no-index",
+    )
+    steps += [[uv, *install, "--find-links", index, *NAMES]]
     steps += [[f"{here / 'tripwatt'}", *line.split()[1:]] for line in commands]
     steps += [[f"{here / 'python'}", "-c", code], [f"{here / 'python'}", "-c", TIMED]]
     for step in steps:

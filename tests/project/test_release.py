@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import json
 import re
 import subprocess
 import sys
@@ -21,7 +22,7 @@ pytest.importorskip("hatchling", reason="no hatchling: `make check` installs it 
 NEXT = f"{released().stem.split('.')[0]}.{int(released().stem.split('.')[1]) + 1}.0"
 OURS = ("pyproject.toml", "README.md", "LICENSE", "NOTICE")
 GAMM = (*(f"gamm/{name}" for name in OURS), "gamm/src/tripwatt_gamm/__init__.py")
-FILES = (*OURS, *GAMM, "CITATION.cff", ".gitignore")
+FILES = (*OURS, *GAMM, "CITATION.cff", ".gitignore", release.PAGE)
 CHANGES = (
     f"# Changes\n\n## [Unreleased]\n\n- Next.\n\n## [{NEXT}] - 2027-01-01\n\n- New.\n\n## [0.1.0]\n\n- Old.\n"
 )
@@ -62,6 +63,9 @@ def clone(tmp_path_factory: pytest.TempPathFactory) -> Path:
         text = (folder / name).read_text("utf-8")
         (folder / name).write_text(re.sub(rf'\b{re.escape(old)}(?="|\n)', NEXT, text))
     (folder / "CHANGELOG.md").write_text(CHANGES)
+    now = json.loads((folder / release.PAGE).read_text("utf-8"))["sources_sha256"]
+    (folder / release.PICTURES).parent.mkdir(parents=True)
+    (folder / release.PICTURES).write_text(json.dumps({"page-plan": now}), "utf-8")
     git(folder, "init", "--quiet")
     git(folder, "add", "--all")
     git(folder, "commit", "--quiet", "-m", "all")
@@ -87,6 +91,7 @@ def rewrite(name: str, old: str, new: str) -> Callable[[Path], None]:
         (lambda folder: (folder / "new.txt").write_text("new"), "not committed"),
         (rewrite("CHANGELOG.md", f"## [{NEXT}]", "## [9.9.9]"), f"no section [{NEXT}]"),
         (rewrite("CITATION.cff", f"version: {NEXT}", "version: 9.9.9"), "CITATION.cff has another version"),
+        (rewrite(release.PICTURES, "{", '{"page-old": "0", '), "for page-old."),
         (rewrite("gamm/pyproject.toml", f'"{NEXT}"', '"9.9.9"'), "gamm/pyproject.toml has another version"),
         (rewrite("pyproject.toml", f'"{NEXT}"', f'"{released().stem}"'), f"{released().stem} is released"),
         (
@@ -138,6 +143,12 @@ def test_two_builds_are_the_same_and_provenance_has_their_hashes(clone: Path, tm
     assert sys.prefix not in text
 
 
+def test_the_wheel_of_an_sdist_is_that_of_the_commit(clone: Path, tmp_path: Path) -> None:
+    built = release.build(clone, tmp_path / "once")
+    wheels = {name: data for name, data in built.items() if name.endswith(".whl")}
+    assert release.from_sdists(clone, built, tmp_path) == wheels
+
+
 def test_builds_that_differ_are_refused(clone: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     several = iter([{"a.whl": b"1", "b": b""}, {"a.whl": b"2", "b": b""}])
     monkeypatch.setattr(release, "build", lambda root, folder: next(several))
@@ -158,3 +169,10 @@ def test_the_commands_of_the_readme_are_those_that_are_tried() -> None:
     assert [line.split()[:2] for line in commands] == [["tripwatt", "example-trip"], ["tripwatt", "forecast"]]
     assert code.startswith("import tripwatt as tw\n")
     assert release.pythons() == ["3.11", "3.12", "3.13"]
+
+
+def test_every_picture_of_the_page_has_the_digest_of_what_it_shows() -> None:
+    """A release names those of an older page; every other picture has a stamp or is made with its page."""
+    shown = json.loads((ROOT / release.PICTURES).read_text("utf-8"))
+    assert set(shown) == {file.stem for file in (ROOT / release.PICTURES).parent.glob("page-*.png")}
+    assert set(release.older_pictures(ROOT)) <= set(shown)

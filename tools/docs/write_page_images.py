@@ -1,20 +1,26 @@
-"""Pictures of the page for the docs: `python -m tools.docs.write_page_images`. Needs chromium and the extra `dev`.
+"""Pictures of the page for the docs: `python -m tools.docs.write_page_images`. Needs chromium, Valhalla and the extra `dev`.
 
-With the address of a running `tripwatt demo` as its argument it writes those of the map, of a car and of the road.
+A picture has the digest of the sources of the page that it shows in docs/images/page.json; `make release` names those of an older page.
 """
 
 from __future__ import annotations
 
-import sys
+import json
 import tempfile
-from collections.abc import Callable
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, Final
 
 from tests.support.service_process import serving
 
-from tools import DOCS
+from tools import DOCS, ROOT
 from tools.quality.page import MAP_SHOWN, SHOWN, browsing, choose_car, choose_place, context_of
+from tools.release import PAGE
+from tools.release import PICTURES as PICTURE_DIGESTS
+from tripwatt.roads.maps.engine import valhalla_folder
+from tripwatt.server.http.demo import depart, example_map, make_demo, send
 
 IMAGES: Final = DOCS / "images"
 SETTLE_MS: Final = 700
@@ -109,6 +115,18 @@ DEMO_PICTURES: Final[dict[str, tuple[str, str, bool, Callable[[Any], None]]]] = 
 """Of `tripwatt demo`."""
 
 
+@contextmanager
+def demo() -> Iterator[str]:
+    """The service of `tripwatt demo`, with its map on every Python for which Valhalla's programs are at hand; gives its address."""
+    with tempfile.TemporaryDirectory() as folder, tempfile.TemporaryDirectory() as logs:
+        settings, token = make_demo(Path(folder))
+        shown = ("--map", f"{example_map(Path(folder))}", "--cars", f"{settings.cars}")
+        samples, _ = depart(settings)
+        with serving(Path(logs), *shown) as service:
+            threading.Thread(target=send, args=(samples, service.url, token), daemon=True).start()
+            yield service.url
+
+
 def write(url: str, pictures: dict[str, tuple[str, str, bool, Callable[[Any], None]]]) -> None:
     """Write pictures of the page of a running service."""
     with browsing() as browser:
@@ -123,15 +141,20 @@ def write(url: str, pictures: dict[str, tuple[str, str, bool, Callable[[Any], No
             page.wait_for_timeout(SETTLE_MS)
             page.screenshot(path=IMAGES / f"{name}.png", full_page=full_page)
             page.context.close()
+    drawn = dict.fromkeys(pictures, json.loads((ROOT / PAGE).read_text("utf-8"))["sources_sha256"])
+    known = json.loads((ROOT / PICTURE_DIGESTS).read_text("utf-8"))
+    (ROOT / PICTURE_DIGESTS).write_text(json.dumps(known | drawn, indent=1, sort_keys=True) + "\n", "utf-8")
 
 
 def main() -> None:
-    """Write the pictures of a service without anything, or those of the demo at an address."""
-    if len(sys.argv) > 1:
-        write(sys.argv[1], DEMO_PICTURES)
-    else:
-        with tempfile.TemporaryDirectory() as logs, serving(Path(logs)) as service:
-            write(service.url, PICTURES)
+    """Write the pictures of a service without anything, and those of the demo."""
+    with tempfile.TemporaryDirectory() as logs, serving(Path(logs)) as service:
+        write(service.url, PICTURES)
+    if valhalla_folder() is None:
+        print(f"no Valhalla: not drawn: {', '.join(DEMO_PICTURES)}")
+        return
+    with demo() as url:
+        write(url, DEMO_PICTURES)
 
 
 if __name__ == "__main__":
