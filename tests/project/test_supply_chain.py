@@ -18,6 +18,7 @@ import yaml
 from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
 from tests.support import ROOT
+from tools import release
 from tools.quality import gate
 
 from tripwatt.command import app
@@ -92,7 +93,8 @@ def test_a_workflow_runs_nothing_that_can_change_under_its_name(file: Path) -> N
     for action in used:
         assert re.fullmatch(r"[\w.-]+/[\w./-]+@[0-9a-f]{40} # v\d+\.\d+\.\d+", action), action
     for line in re.findall(r"run:.*pip install.*", text):
-        assert "--require-hashes" in line or "--no-deps --no-build-isolation" in line, line
+        safe = ("--require-hashes", "--no-deps --no-build-isolation", "--offline --no-index")
+        assert any(words in line for words in safe), line
     assert re.findall(r"permissions:\n((?:  .*\n)+)", text) == ["  contents: read\n"]
 
 
@@ -104,6 +106,14 @@ def test_the_gate_runs_on_linux_and_the_core_elsewhere() -> None:
         if f"{system}-latest" in file.read_text()
     }
     assert systems == {"ubuntu", "macos", "windows"}
+
+
+def test_the_wheels_are_tried_with_the_commands_of_the_readme() -> None:
+    text = (ROOT / ".github" / "workflows" / "wheels.yml").read_text("utf-8")
+    commands, _ = release.readme_commands((ROOT / "README.md").read_text("utf-8"))
+    assert all(f"          {command}\n" in text for command in commands)
+    assert re.findall(r"3\.\d+", re.findall(r"python: \[(.+)\]", text)[0]) == release.pythons()
+    assert len(re.findall(r"run: uv build .*--require-hashes (?:\.|gamm)$", text, re.MULTILINE)) == 2
 
 
 def test_tools_are_installed_by_their_hashes() -> None:
