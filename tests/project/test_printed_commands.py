@@ -13,6 +13,7 @@ from typing import Final
 import pytest
 from tests.support import ROOT
 from tests.support.command import answered
+from tests.support.service_process import serving
 
 import tripwatt as tw
 from tripwatt.sources.suggest import suggest_mapping
@@ -119,3 +120,35 @@ def test_what_runs_elsewhere_is_printed_and_its_tests_exist() -> None:
         places = re.findall(r"tests/[\w/.]+", why)
         assert places
         assert all((ROOT / place).exists() for place in places), why
+
+
+ANSWERED: Final = ("advice", "need")
+ASKED_ELSEWHERE: Final = {
+    "build-on-it": "tests/server/http/test_clients.py",
+    "charge-planning": "tests/server/http/test_charge_planning.py",
+    "fleet": "tests/integrations/test_emhass.py",
+    "journeys": "tests/server/http/test_journeys.py",
+    "live": "tests/server/http/test_live.py",
+    "proxy": "tests/server/http/test_proxy.py",
+}
+"""Page with requests of curl -> the tests of its paths, which need a car on the road, a map, models of a fleet or a proxy."""
+
+
+def requests(page: Path) -> list[list[str]]:
+    """The words of each `curl` of a page, without those of a command that its answer goes to."""
+    blocks = (block.replace("\\\n", " ") for _, block in FENCED.findall(page.read_text("utf-8")))
+    lines = (line.strip() for block in blocks for line in block.splitlines())
+    return [shlex.split(line, comments=True)[1:] for line in lines if line.startswith("curl ")]
+
+
+def test_the_requests_of_the_pages_are_answered(tmp_path: Path) -> None:
+    assert {page.stem for page in PAGES if requests(page)} == {*ANSWERED, *ASKED_ELSEWHERE}
+    assert all((ROOT / place).is_file() for place in ASKED_ELSEWHERE.values())
+    with serving(tmp_path) as service:
+        for name in ANSWERED:
+            for words in requests(ROOT / "docs" / "howto" / f"{name}.md"):
+                (address,) = (word for word in words if word.startswith("localhost:8000/"))
+                path = address.removeprefix("localhost:8000")
+                body = json.loads(words[words.index("--json") + 1]) if "--json" in words else None
+                answer = service.client.post(path, json=body) if body else service.client.get(path)
+                assert answer.status_code == 200, f"{words}: {answer.text}"
