@@ -33,7 +33,8 @@ from tools.quality.contract import BREAKS, released
 TOOLS: Final = ROOT / ".venv-tools" / "bin"
 DIST: Final = ROOT / "dist"
 DISTRIBUTIONS: Final = (".", "gamm")
-NAMES: Final = ("tripwatt", "tripwatt-gamm")
+NAMES: Final = ("tripwatt[learners]", "tripwatt-gamm")
+"""What is tried: the README fits a model, whose corrector has trees."""
 """Folders of what is released: tripwatt, and the GAMM engine."""
 PAGE: Final = "src/tripwatt/server/http/page/manifest.json"
 PICTURES: Final = "docs/images/page.json"
@@ -210,24 +211,26 @@ def tried(wheels: Iterable[Path], python: str, folder: Path) -> str:
     if call(uv, "venv", "--quiet", "--python", found, f"{folder}").returncode:
         return "not at hand"
     commands, code = readme_commands((ROOT / "README.md").read_text("utf-8"))
-    index = f"{folder.parent / 'index'}"
-    download = ("-m", "pip", "download", "--quiet", "--disable-pip-version-check", "--only-binary", ":all:")
-    steps = [
-        [f"{TOOLS / 'python'}", *download, "--python-version", python, "--dest", index, *map(str, wheels)]
-    ]
-    install = (
+    index, python_here = f"{folder.parent / 'index'}", f"{here / 'python'}"
+    wanted = [f"{wheel}[learners]" if wheel.name.startswith("tripwatt-") else f"{wheel}" for wheel in wheels]
+    download = [
+        "-m",
         "pip",
-        "install",
+        "download",
         "--quiet",
-        "--python",
-        f"{here / 'python'}",
-        "--no-cache",
-        "--offline",
-        "--no-index",
-    )
-    steps += [[uv, *install, "--find-links", index, *NAMES]]
+        "--only-binary",
+        ":all:",
+        "--python-version",
+        python,
+        "--dest",
+    ]
+    install = ["pip", "install", "--quiet", "--no-cache", "--offline", "--no-index", "--find-links"]
+    steps = [
+        [f"{TOOLS / 'python'}", *download, index, *wanted],
+        [uv, *install, index, "--python", python_here, *NAMES],
+    ]
     steps += [[f"{here / 'tripwatt'}", *line.split()[1:]] for line in commands]
-    steps += [[f"{here / 'python'}", "-c", code], [f"{here / 'python'}", "-c", TIMED]]
+    steps += [[python_here, "-c", code], [python_here, "-c", TIMED]]
     for step in steps:
         done = call(*step)
         if done.returncode:

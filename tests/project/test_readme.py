@@ -62,3 +62,7 @@ def test_the_example_is_written_by_the_script():
     shown = part(README, "example")
     assert with_part(README, "example", shown) == README
     assert all(command in shown for command in write_cli.EXAMPLE)
+
+
+def test_contributing_is_two_screens() -> None:
+    assert len((ROOT / "CONTRIBUTING.md").read_text("utf-8").splitlines()) <= 60

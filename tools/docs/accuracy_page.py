@@ -92,9 +92,10 @@ def line(cars: Record, before: Record) -> str:
 
     held = " and ".join(number(share, 100, 0) for share in inside)
     return (
-        f"**Unseen cars: {mean(unseen)}, own car: {mean(own)}, 90 % intervals hold {held} %** of the trips: mean error of the energy over "
-        f"{len(unseen)} cars without own trips (by car {by_car(unseen)}) and over {len(own)} with {OWN} ({by_car(own)}), given the driven speed trace. On a "
-        f"planned road, {planned['trips']} trips with travel times of another car err by {mean([planned['error']])}."
+        f"**Unseen cars: {mean(unseen)}, own car: {mean(own)}, 90 % intervals hold {held} %**: the mean error of the energy over {len(unseen)} "
+        f"cars without own trips (by car {by_car(unseen)}) and over {len(own)} with {OWN} ({by_car(own)}), and the trips inside, without own trips "
+        f"and from trip {LEARNED + 1} on, given the driven speed trace. On a planned road, {planned['trips']} trips with travel times of another "
+        f"car err by {mean([planned['error']])}."
     )
 
 
