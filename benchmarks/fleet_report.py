@@ -107,10 +107,8 @@ def changes(
 
     plan = planted(seed, trips)
     rows = rows_of_plan(plan) if rows is None else rows
-    sums = rows.sums
-    posterior = group_posterior(sums, fit_scales(sums, START))
     began = time.perf_counter()
-    listed = listed_changes(posterior, rows)
+    listed = listed_changes(rows)
     took = time.perf_counter() - began
     days = months(day for _, _, day, _ in plan.changes)
     true = {f"V{c[0]:05d}": (NAMES.get(c[1], c[1]), m) for c, m in zip(plan.changes, days, strict=True)}
@@ -139,7 +137,7 @@ def losses(seed: int, trips: int = TRIPS) -> Iterator[Row]:
     share = LOSS / (1.0 - LOSS)  # the capacity is divided by 1 + share
     plan = replace(plan, changes=tuple((n, "battery", day, share) for n, _, day, _ in plan.changes))
     rows = rows_of_plan(plan)
-    listed = listed_changes(group_posterior(rows.sums, fit_scales(rows.sums, START)), rows)
+    listed = listed_changes(rows)
     found = listed[listed["cause"] == NAMES["battery"]].drop_duplicates("vehicle_id").set_index("vehicle_id")
     # the change is that of the displayed charge which an energy takes
     lost = 1.0 - 1.0 / (1.0 + found["change"])

@@ -41,8 +41,7 @@ PLANTED = [
 
 
 def changes_of(rows):
-    sums = rows.sums
-    return changes(group_posterior(sums, fit_scales(sums, START)), rows)
+    return changes(rows)
 
 
 @pytest.fixture(scope="module")
@@ -83,6 +82,17 @@ def test_fleets_without_changes_list_one_at_most():
     """Nothing, batteries that lose capacity with the years, and winter tyres on every vehicle."""
     listed = [changes_of(year_of_rows(SEED + 1, **what)) for what in ({}, {"ageing": 0.04}, {"winter": 0.15})]
     assert sum(map(len, listed)) <= 1
+
+
+@pytest.mark.parametrize("of", ["v03", "v99"])
+@pytest.mark.parametrize(("column", "factor"), [("observed_wh", 10.0), ("displayed_end", 0.1)])
+def test_odd_trips_of_a_vehicle_change_no_other(of, column, factor):
+    """Twenty trips of an old or a new vehicle with an energy or a display that cannot be."""
+    frame = year_of_rows(SEED + 2).table.to_pandas()
+    odd = frame[frame["vehicle_id"] == "v03"].sample(20, random_state=1).assign(vehicle_id=of)
+    odd["digest"], odd[column] = "odd " + odd["digest"], odd[column] * factor
+    listed = changes_of(table_rows(pd.concat([frame, odd], ignore_index=True)))
+    assert set(listed["vehicle_id"]) <= {of}
 
 
 def test_a_fall_is_a_change_too():
@@ -215,8 +225,7 @@ def test_a_change_has_eight_trips_on_both_sides():
 def test_the_display_of_a_vehicle_is_a_series_of_its_own():
     """Terms of its charge by loops: level, cold, years and the middle of the charge, as shares of what its energy takes."""
     rows = year_of_rows(SEED, vehicles=3, trips=30)
-    sums = rows.sums
-    series = list(vehicle_series(group_posterior(sums, fit_scales(sums, START)), rows))
+    series = list(vehicle_series(rows))
     assert [one.vehicle_id for one in series] == ["v00", "v01", "v02"] * 2
     frame = rows.table.to_pandas()
     frame["day"] = pd.to_datetime(frame["started_at"]).dt.normalize()
@@ -232,7 +241,7 @@ def test_the_display_of_a_vehicle_is_a_series_of_its_own():
         middle = (own["displayed_start"] + own["displayed_end"]) / 2.0 - 0.5
         terms = np.column_stack([np.ones(len(own)), cold, years, middle])
         assert pytest.approx(terms * share.to_numpy()[:, None]) == one.X
-        assert one.variance == pytest.approx((0.003**2 + (0.01 * share) ** 2).to_numpy())
+        assert one.variance == pytest.approx((0.001**2 + (0.01 * share) ** 2).to_numpy())
         assert one.causes[BATTERY].tolist() == [1.0, 0.0, 0.0, 0.0]
         assert (one.day == own["day"].to_numpy().astype("datetime64[D]")).all()
 
@@ -245,7 +254,7 @@ def jumped(fleet):
     model = replace(
         fleet[2], sums=sums, posterior=group_posterior(sums, fit_scales(sums, START)), digests=digests
     )
-    return model, rows, changes(model.posterior, rows)
+    return model, rows, changes(rows)
 
 
 def after(rows, vehicle, day="2025-07-10"):

@@ -7,6 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pyarrow.parquet as pq
 import pytest
 from benchmarks.many_vehicles import many_vehicles
@@ -199,3 +200,17 @@ def test_a_row_has_the_displayed_charge_or_else_that_of_the_battery(fleet):
         bare, drive_segments(bare, "vw_id3"), {"car_model": "", "vehicle_id": "", "driver": "", "digest": ""}
     )
     assert np.isnan([row["displayed_start"], row["displayed_end"]]).all()
+
+
+@pytest.mark.parametrize("step", [0.02, 0.01, 0.001])
+def test_the_charge_of_a_row_has_no_rounding_where_the_display_falls(step):
+    """A constant power takes 8.3 % of the charge, shown in steps; a display that is read at the ends has no more than these."""
+    time = np.arange(1201.0)
+    true = 0.7163 - 0.083 * time / time[-1]
+    shown = np.round(true / step) * step
+    made = {"time_s": time, "speed_m_s": 15.0, "voltage_v": 400.0, "current_a": 40.0}
+    about = {"car_model": "vw_id3", "vehicle_id": "V", "driver": None, "digest": "d"}
+    for display, ends in ((shown, true), (np.where(np.isin(time, time[[0, -1]]), shown, np.nan), shown)):
+        trip = Trip.from_samples("t", pd.DataFrame(made | {"displayed_soc": display}))
+        row = drive_row(trip, drive_segments(trip, "vw_id3"), about)
+        assert [row["displayed_start"], row["displayed_end"]] == pytest.approx(ends[[0, -1]], abs=1e-4)

@@ -3,8 +3,9 @@
 The energy of a vehicle's trips is that of its car model and drivers plus deviations of the vehicle, which are normal with the scales of
 the fleet. A change multiplies the energy of one cause from one day on. For every day and cause, the change is estimated together with the
 deviations (generalised least squares), from sums over the trips after that day, so the work is linear in the trips. The same is done for
-the displayed charge that trips take, which shows a change of the battery or of its display. Outlying trips count less (Huber 1964).
-Deviations that vehicles have in common in a month, such as by winter tyres, are subtracted first.
+the displayed charge that trips take, which shows a change of the battery or of its display. Outlying trips count less (Huber 1964), also
+for what car models, vehicles and drivers take, so that they change no other vehicle. Deviations that vehicles have in common in a month,
+such as by winter tyres, are subtracted first.
 """
 
 from __future__ import annotations
@@ -16,8 +17,8 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 import pandas as pd
 
-from tripwatt.arrays import BoolArray, FloatArray
-from tripwatt.fleet.features import FEATURES, SCALES, WARM_DEGC
+from tripwatt.arrays import BoolArray, FloatArray, by_key
+from tripwatt.fleet.features import FEATURES, SCALES, START, WARM_DEGC
 from tripwatt.fleet.model import FleetModel
 from tripwatt.fleet.statistics import TripRows
 from tripwatt.hybrid.groups import GroupPosterior, Scales, Sums, fit_scales, group_posterior
@@ -49,9 +50,13 @@ ageing change the consumption by some percent."""
 
 _HUBER_BOUND: Final = 2.0
 """Standardised error from which the weight of a trip falls: a choice, because normal errors lose little by it (Huber 1964 gives 1 to 2)."""
-_READING_SD: Final = 0.003
-"""Usual standard deviation of the difference of two readings of a display [1], of the order of the rounding to whole percents; the level is
-estimated."""
+_ODD_BOUND: Final = 4.0
+"""The same for what car models, vehicles and drivers take: a choice, because only errors that are no chance may not count for others."""
+_ROUNDS: Final = 2
+"""Number of times that the weights of trips follow their errors: a choice, because a third changes them little."""
+_READING_SD: Final = 0.001
+"""Usual standard deviation of the displayed charge that a trip takes [1], beside a hundredth of it: a choice, because displays are late by
+about a tenth of a percent; the level is estimated."""
 
 _DISPLAY_SCALES: Final = Scales(((0.05, 0.03), (0.05, 0.01)), 1.0, (0, 1, 1, 1), 0.3)
 """Usual scales of the displayed charge that an energy takes, of car models and vehicles: of its level, and of the effects of cold, years
@@ -93,13 +98,11 @@ class VehicleSeries:
     total: float
 
 
-def changes(posterior: GroupPosterior, rows: TripRows) -> pd.DataFrame:
+def changes(rows: TripRows) -> pd.DataFrame:
     """Find the changes of each vehicle beyond chance and of at least `MIN_CHANGE`, up to `_MAX_CHANGES` of a quantity. O(trips).
 
     Parameters
     ----------
-    posterior : GroupPosterior
-        Posterior of the fleet.
     rows : TripRows
         Rows of trips; those without a time of departure are left out.
 
@@ -111,7 +114,7 @@ def changes(posterior: GroupPosterior, rows: TripRows) -> pd.DataFrame:
         a share of the consumption, or of the energy per displayed percent, its standard deviation `sd`, and `z` = change / sd; numbers
         of trips `before` and `after`.
     """
-    series = list(vehicle_series(posterior, rows))
+    series = list(vehicle_series(rows))
     tests = sum(max(len(s.y) - 2 * MIN_TRIPS, 0) * len(s.causes) for s in series)
     listed = [row for s in series for row in series_changes(s, FALSE_CHANGES / max(tests, 1))]
     columns = ["vehicle_id", "car_model", "cause", "probability", "since", "from_day", "to_day", "change", "sd", "z",
@@ -157,15 +160,16 @@ def need_notes(changed: pd.DataFrame) -> dict[str, str]:
     return {v: "; ".join(notes[key] for key in notes if key[0] == v) for v, _ in notes}
 
 
-def vehicle_series(posterior: GroupPosterior, rows: TripRows) -> Iterator[VehicleSeries]:
+def vehicle_series(rows: TripRows) -> Iterator[VehicleSeries]:
     """Yield a series of the energy of each vehicle, and one of the displayed charge from the trips with logged charge that took some."""
     order, day = rows.chronological
     if not len(order):
         return
     rows, day = rows.take(order, sort=False), day[order]
     causes = {name: np.isin(FEATURES, parts) / SCALES for name, parts in CAUSES.items()}
-    amounts = rows.numbers("simulated_wh"), rows.residual_wh, rows.numbers("variance_wh2")
-    yield from _series_by_vehicle(posterior, rows.groups, day, rows.X, *amounts, causes)
+    simulated_wh, y, variance = rows.numbers("simulated_wh"), rows.residual_wh, rows.numbers("variance_wh2")
+    posterior = robust_posterior(rows.groups, rows.X, y, variance, START)
+    yield from _series_by_vehicle(posterior, rows.groups, day, rows.X, simulated_wh, y, variance, causes)
 
     display = display_trips(rows)
     if display is not None:
@@ -222,10 +226,33 @@ def display_trips(rows: TripRows) -> DisplayTrips | None:
     years = (day - begins) / np.timedelta64(365, "D")
     terms = np.column_stack([np.ones(len(read)), cold / WARM_DEGC, years, 0.5 * (start + end)[read] - 0.5])
     X, y, variance = usual[:, None] * terms, taken - usual, _READING_SD**2 + (0.01 * usual) ** 2
-    by_group = sorted(range(len(read)), key=lambda i: groups[i])
-    sums = Sums.from_trips([groups[i] for i in by_group], X[by_group], y[by_group], variance[by_group])
-    posterior = group_posterior(sums, fit_scales(sums, _DISPLAY_SCALES))
+    posterior = robust_posterior(groups, X, y, variance, _DISPLAY_SCALES)
     return DisplayTrips(posterior, groups, day, X, usual, y, variance, begins, dict(ratio.median()))
+
+
+def robust_posterior(
+    groups: Sequence[tuple[str, ...]], X: FloatArray, y: FloatArray, variance: FloatArray, start: Scales
+) -> GroupPosterior:
+    """Fit the weights of groups to trips, of which outlying ones count less.
+
+    An outlier is found beside the other trips of its vehicle, before the vehicle counts for others.
+
+    Parameters
+    ----------
+    groups : sequence of tuple of str
+        Car model and vehicle of each trip, and its driver.
+    X, y, variance : ndarray
+        As in `VehicleSeries`, from which nothing is subtracted.
+    start : Scales
+        Usual scales.
+    """
+    prior = np.sum([start.variances(level) for level in range(len(start.sds) + 1)], axis=0)
+    variance = variance.copy()
+    for i in by_key(range(len(y)), lambda i: groups[i][:2]).values():
+        variance[i] /= _huber(y[i], variance[i], X[i], prior, _ODD_BOUND)[0]
+    order = sorted(range(len(groups)), key=lambda i: groups[i])
+    sums = Sums.from_trips([groups[i] for i in order], X[order], y[order], variance[order])
+    return group_posterior(sums, fit_scales(sums, start))
 
 
 def _series_by_vehicle(
@@ -411,10 +438,19 @@ class ChangeScan:
 
 def _trip_weights(series: VehicleSeries, X: FloatArray, prior: FloatArray) -> FloatArray:
     """Return the weights of trips: inverse variances scaled by the median error, reduced beyond `_HUBER_BOUND` standard deviations."""
-    w = 1.0 / series.variance
-    for _ in range(2):
+    factor, level = _huber(series.y, series.variance, X, prior, _HUBER_BOUND)
+    return factor / (level**2 * series.variance)
+
+
+def _huber(
+    y: FloatArray, variance: FloatArray, X: FloatArray, prior: FloatArray, bound: float
+) -> tuple[FloatArray, float]:
+    """Return the factors of the weights of trips, below 1 beyond `bound` standard deviations, and the median error [1]."""
+    factor, level = np.ones(len(y)), 1.0
+    for _ in range(_ROUNDS):
+        w = factor / (level**2 * variance)
         inverse = np.linalg.inv((X.T * w) @ X + np.diag(1.0 / prior))
-        z = np.abs(series.y - X @ (inverse @ (X.T @ (w * series.y)))) / np.sqrt(series.variance)
+        z = np.abs(y - X @ (inverse @ (X.T @ (w * y)))) / np.sqrt(variance)
         level = 1.4826 * float(np.median(z)) * np.sqrt(len(z) / max(len(z) - len(prior) / 2.0, 1.0)) + 1e-9
-        w = np.minimum(1.0, _HUBER_BOUND / np.maximum(z / level, 1e-9)) / (level**2 * series.variance)
-    return np.asarray(w)
+        factor = np.minimum(1.0, bound / np.maximum(z / level, 1e-9))
+    return factor, level

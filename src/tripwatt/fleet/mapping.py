@@ -35,10 +35,10 @@ from tripwatt.hybrid import SegmentTable, segment_table
 from tripwatt.hybrid.energy_errors import unknown_climb_wh
 from tripwatt.hybrid.groups import Sums
 from tripwatt.physics import simulate_trip
-from tripwatt.trips import REQUIRED_COLUMNS, Log, Plan, Trip, table_of
+from tripwatt.trips import REQUIRED_COLUMNS, Log, Plan, Trip, observed_cumulative_energy, table_of
 from tripwatt.vehicles import Vehicle, load_vehicle
 
-VERSION: Final = 2
+VERSION: Final = 3
 """Number to raise whenever the rows of the same trips change."""
 
 _MEASURED: Final = (*REQUIRED_COLUMNS, "voltage_v", "current_a", "observed_energy_wh", "soc", "displayed_soc")
@@ -250,7 +250,7 @@ def load_car(name: str) -> Vehicle:
 
 
 def drive_row(drive: Trip, table: SegmentTable, row: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the row of one drive, with the columns of `ROWS`; its charge is that of the battery management if the display was not logged.
+    """Return the row of one drive, with the columns of `ROWS`.
 
     Parameters
     ----------
@@ -263,8 +263,7 @@ def drive_row(drive: Trip, table: SegmentTable, row: Mapping[str, Any]) -> dict[
     ambient = table.features["ambient_temperature_degc"].to_numpy(dtype=np.float64)
     observed = table.totals_wh(table.observed_power_w)[0]
     started = drive.context.started_at
-    assert table.charge is not None
-    readings = table.charge[0, 2:] if np.isfinite(table.charge[0, 2:]).all() else table.charge[0, :2]
+    readings = _charge_at_ends(drive, float(observed))
     return {
         **_key_values(row, drive.trip_id),
         "started_at": None if started is None else started.isoformat(),
@@ -278,6 +277,25 @@ def drive_row(drive: Trip, table: SegmentTable, row: Mapping[str, Any]) -> dict[
         "variance_wh2": float(trip_variance_wh2(table)[0] + (drive.observed_energy_std_wh or 0.0) ** 2),
         **{f"x_{name}": float(x) for name, x in zip(FEATURES, trip_features(table)[0], strict=True)},
     }
+
+
+def _charge_at_ends(drive: Trip, observed_wh: float) -> Any:
+    """Return the displayed charge at departure and arrival, or that of the battery management if the display was not logged, shape (2,).
+
+    Where it falls by a step, a reading has no error of rounding: the ends are those of the line through these points over the energy. With
+    fewer than two, or without an energy along the drive, they are the first and last reading; NaN without a reading.
+    """
+    logged = [drive.array(name) for name in ("displayed_soc", "soc") if name in drive]
+    unknown = np.full(len(drive.samples), np.nan)
+    charge = next((column for column in logged if np.isfinite(column).any()), unknown)
+    energy_wh = observed_cumulative_energy(drive.samples)
+    points = np.stack([unknown if energy_wh is None else energy_wh, charge])
+    known = points[:, np.isfinite(points).all(axis=0)]
+    falls = 0.5 * (known[:, 1:] + known[:, :-1])[:, np.diff(known[1]) < 0.0]
+    if falls.shape[1] > 1 and np.ptp(falls[0]) > 0.0:
+        return np.polyval(np.polyfit(falls[0], falls[1], 1), np.array([0.0, observed_wh]))
+    readings = charge[np.isfinite(charge)]
+    return readings[[0, -1]] if len(readings) else charge[:2]
 
 
 def _key_values(row: Mapping[str, Any], drive: str) -> dict[str, str]:

@@ -30,7 +30,7 @@ def file(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The report of 200 vehicles, one of which has the road load of a roof box from July on."""
     rows: TripRows = year_of_rows(61, vehicles=200, trips=60, changes=[(7, "road load", 180, 0.15)])
     posterior = group_posterior(rows.sums, fit_scales(rows.sums, START))
-    found = changes(posterior, rows)
+    found = changes(rows)
     groups = {f"v{k:02d}": ("north", "<b>south")[k % 2] for k in range(200)}
     asked = ReportSettings(groups=groups)
     made = ManagerReport(

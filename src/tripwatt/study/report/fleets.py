@@ -165,7 +165,7 @@ class ManagerReport:
         """
         asked = asked or ReportSettings()
         settings = {"probability": asked.probability, "reserve": asked.reserve}
-        changed = changes(model.posterior, rows)
+        changed = changes(rows)
         cold = nights.coldest_week(rows) if asked.coldest_degc is None else nights.Cold(asked.coldest_degc)
         compared = drivers_by_name(model.posterior, rows) if asked.drivers else None
         known = fades(rows, changed)
