@@ -126,11 +126,8 @@ def add(
     dates = target.trips(columns=["trip_id", "started_at"])
     undated = dates["trip_id"][dates["started_at"].isna()].tolist()
     if undated:
-        print_notes(
-            [
-                f"{len(undated)} trips of the store have no date and count in no month: {', '.join(undated[:5])}"
-            ]
-        )
+        named = ", ".join(undated[:5])
+        print_notes([f"{len(undated)} trips of the store have no date and count in no month: {named}"])
     return Answer(asdict(done), f"{store.store}: {done}")
 
 
@@ -150,23 +147,24 @@ def compact(store: Store) -> Answer:
     )
 
 
-def forget(store: Store, vehicle_id: Annotated[str, option("ID", "The vehicle to erase.")]) -> Answer:
-    """Erase a vehicle: its trips, its samples and the files that held them. Models that were fitted on it remain.
+def forget(
+    store: Store,
+    vehicle_id: Annotated[str | None, option("ID", "The vehicle to erase.")] = None,
+    driver: Annotated[str | None, option("NAME", "The driver to erase, in place of a vehicle.")] = None,
+) -> Answer:
+    """Erase a vehicle or a driver: all trips, their samples and the files that held them. Models that were fitted on them remain.
 
     For example:
 
       # erase one vehicle
       tripwatt store forget fleet --vehicle-id V17
+      # erase one driver
+      tripwatt store forget fleet --driver "Ada L."
     """
-    erased = store.opened().forget(vehicle_id)
-
-    def shown() -> None:
-        say(f"{store.store}: {erased} trips of {vehicle_id} erased")
-        print_notes(
-            ["models and reports that were fitted on these trips still contain what was learned from them"]
-        )
-
-    return Answer({"vehicle_id": vehicle_id, "erased": erased}, shown)
+    erased = store.opened().forget(vehicle_id, driver=driver)
+    remain = "models and reports that were fitted on them still contain what was learned from them"
+    about = {"vehicle_id": vehicle_id, "driver": driver, "erased": erased}
+    return Answer(about, f"{store.store}: {erased} trips of {vehicle_id or driver} erased; {remain}")
 
 
 STORE = make_group(

@@ -313,6 +313,22 @@ def test_forgetting_leaves_nothing(store, tmp_path):
     assert len(store.samples.read(["sample"])) == 400
 
 
+def test_a_driver_is_forgotten_in_every_vehicle(store, tmp_path, monkeypatch):
+    for k, (vehicle, driver) in enumerate([("V1", "Ada"), ("V2", "Ada"), ("V2", "Bo"), ("V3", None)]):
+        store.add([drive(vehicle=vehicle, trip=f"T{k}", start=float(k), driver=driver)], car_model=CAR)
+    with monkeypatch.context() as patch:
+        patch.setattr(DeltaFolder, "drop_old_files", lambda *_: 1 / 0)
+        with pytest.raises(ZeroDivisionError):
+            store.forget(driver="Ada")
+    refuses("unknown driver", store.forget, driver="Ada")  # which removes the files that the killed call left
+    assert [log.trip_id for log in store.logs()] == ["T2", "T3"]
+    assert len(store.samples.read(["sample"])) == 800
+    assert not [path for path in tmp_path.rglob("*.parquet") if b"Ada" in path.read_bytes()]
+    assert store.forget(driver="Bo") == 1
+    for given in ({}, {"vehicle_id": "V3", "driver": "Ada"}):
+        refuses("one of them is needed", store.forget, **given)
+
+
 def test_the_others_of_a_bucket_are_listed_and_added_after_forgetting(tmp_path):
     """A deletion writes the rows of the others again, with another type of texts."""
     made = create_store(tmp_path / "s", buckets=1)

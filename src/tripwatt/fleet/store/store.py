@@ -482,16 +482,18 @@ class TripStore:
         lost = sorted(set(batches) - kept)
         return self.samples.delete(f"batch IN ({_sql_texts(lost)})") if lost else 0
 
-    def forget(self, vehicle_id: str) -> int:
-        """Erase a vehicle: its rows, its samples, and the data files that held them; a killed call can be repeated.
+    def forget(self, vehicle_id: str | None = None, *, driver: str | None = None) -> int:
+        """Erase a vehicle, or a driver: the rows, the samples, and the data files that held them; a killed call can be repeated.
 
         Old versions of the tables that need these files can no longer be read. Models and reports that were made from the trips are
         not part of a store and stay as they are.
 
         Parameters
         ----------
-        vehicle_id : str
+        vehicle_id : str, optional
             Name of the vehicle, as it was added.
+        driver : str, optional
+            Name of the driver, in place of the vehicle; the trips of other drivers remain.
 
         Returns
         -------
@@ -501,22 +503,35 @@ class TripStore:
         Raises
         ------
         InvalidInput
-            If the tables have no rows of this vehicle; files that held them earlier are removed all the same.
+            If neither or both are given, or the tables have no rows of them; files that held them earlier are removed all the same.
         """
-        bucket = bucket_of(vehicle_id, self.buckets)
-        of_vehicle = (pc.field("bucket") == bucket) & (text_column("vehicle_id") == vehicle_id)
-        erased = []
-        for folder in (self.rows, self.samples):
-            digests = sorted(set(folder.read(["digest"], of_vehicle)["digest"].to_pylist()))
+        if (vehicle_id is None) == (driver is None):
+            got = "neither" if driver is None else "both"
+            raise InvalidInput.of("one of them is needed", "vehicle_id, driver", got, "one of the two")
+        name, value = ("driver", driver) if vehicle_id is None else ("vehicle_id", vehicle_id)
+        named = text_column(name) == value
+        if vehicle_id is not None:
+            named &= pc.field("bucket") == bucket_of(vehicle_id, self.buckets)
+        # samples without a row are of a killed writer, and name the vehicle only
+        folders = (self.rows, self.samples) if driver is None else (self.rows,)
+        tables = [folder.read(["bucket", "digest"], named).to_pydict() for folder in folders]
+        keys = sorted({key for table in tables for key in zip(*table.values(), strict=True)})
+        erased = 0
+        for bucket, of_bucket in by_key(keys, lambda key: key[0]).items():
             # a predicate stays in the table's log, so it must not name the vehicle
-            where = f"bucket = {bucket} AND digest IN ({_sql_texts(digests)})"
-            erased.append(folder.delete(where) if digests else 0)
-        # first: an earlier call may have been killed before it came here
+            where = f"bucket = {bucket} AND digest IN ({_sql_texts([digest for _, digest in of_bucket])})"
+            self.samples.delete(
+                where
+            )  # first: without a row, a repeated call does not find those of a driver
+            erased += self.rows.delete(where)
+        # also of an earlier call that was killed before it came here
         for folder in (self.rows, self.samples):
             folder.drop_old_files(0)
-        if not any(erased):
-            raise InvalidInput.of("unknown vehicle", "vehicle_id", repr(vehicle_id), "a vehicle of the store")
-        return erased[0]
+        if not keys:
+            raise InvalidInput.of(
+                f"unknown {name.removesuffix('_id')}", name, repr(value), "one of the store"
+            )
+        return erased
 
     def about(self) -> dict[str, Any]:
         """Summarise the store.
