@@ -78,7 +78,7 @@ def test_a_year_of_one_temperature_is_the_forecast_at_it(routes):
         routes, [candidate], Climate(np.full(12, -7.0), np.zeros(12)), probability=0.9, reserve=0.2
     )
     (trip,) = routes["short"][0]
-    forecast = trip.forecast(candidate.model, tw.Departure(ambient_temperature_degc=-7.0))
+    forecast = trip.in_air(-7.0).forecast(candidate.model)
     row = table.set_index("route").loc["short"]
     soc = forecast.along.soc(0.9)
     assert row["soc_needed"] == pytest.approx(0.2 + soc[0] - soc[-1], rel=0.01)
@@ -110,9 +110,9 @@ def test_a_chance_is_that_of_drawn_days():
 def test_a_vehicle_of_the_fleet_takes_what_its_own_model_forecasts(fleet, routes):
     model, (trip,) = fleet[2], routes["short"][0]
     candidate = next(iter(fleet_candidates(model)))
-    known = tw.Departure(ambient_temperature_degc=-5.0)
-    own = trip.forecast(model.of_vehicle(candidate.name), known)
-    usual = trip.forecast(candidate.model, known)
+    known_trip = trip.in_air(-5.0)
+    own = known_trip.forecast(model.of_vehicle(candidate.name))
+    usual = known_trip.forecast(candidate.model)
     energy_wh, soc, sd = candidate.amounts(_day(candidate.model, [trip], np.array([-5.0]), 0.95)[None])[
         :, 0, 0
     ]

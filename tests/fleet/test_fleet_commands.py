@@ -202,7 +202,12 @@ def test_the_report_names_what_it_leaves_out_and_assumes(fleet, registry, tmp_pa
     night.write_text(header + rows.splitlines()[0] + "\n")
     warm = CliRunner().invoke(app, [*map(str, asked), "--ambient", "30"])
     assert warm.exit_code == 0, warm.output
+    mild = json.loads((registry.folder / "report" / "report.json").read_text("utf-8"))["needs"][0]
     assert "outside temperature is unknown" not in warm.stderr
+    frost = CliRunner().invoke(app, [*map(str, asked), "--ambient", "30", "--cold", "-15", "--json"])
+    (cold,) = json.loads(frost.stdout)["needs"]
+    assert cold["energy_wh"] > 1.1 * mild["energy_wh"]
+    assert json.loads(frost.stdout)["about"]["Planned trips at"] == "-15 °C"
 
 
 def test_drivers_that_nobody_named_are_a_note(fleet, registry, monkeypatch):

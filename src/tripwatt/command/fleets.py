@@ -268,12 +268,11 @@ def report(
     planned: Annotated[Path | None, option("FILE", "Planned trips, CSV or Parquet: what they need.")] = None,
     out: Annotated[Path | None, option("FOLDER", "Default: REGISTRY/report.", "--out", "-o")] = None,
     ambient: Annotated[float | None, option("DEGC", "Outside temperature of trips that have none.")] = None,
+    cold: Annotated[float | None, option("DEGC", "Outside temperature of all planned trips.")] = None,
     coldest: Annotated[float | None, option("DEGC", "Temperature in place of the coldest week's.")] = None,
     drivers: Annotated[bool, flag("--drivers", "Compare drivers, too.")] = False,
     groups: Annotated[Path | None, option("FILE", "CSV: vehicle_id and group, such as the depot.")] = None,
-    new: Annotated[
-        Path | None, option("FILE", "CSV: vehicle_id and new_at, its first day; else of its logs.")
-    ] = None,
+    new: Annotated[Path | None, option("FILE", "CSV: vehicle_id, new_at (first day; else of logs).")] = None,
     warranty: Annotated[tuple[float, float, float], option("SHARE YEARS KM", WARRANTY)] = (0.7, 8, 160_000),
     price: Annotated[float, option("EUR", "Price of a kWh from the plug; 0.30 is a choice.", min=0.0)] = 0.3,
     co2: Annotated[float, option("G", "CO2 of a kWh from the plug; 250 is a choice.", min=0.0)] = 250.0,
@@ -295,6 +294,8 @@ def report(
       tripwatt fleet report fleet models --price 0.25
       # and what the trips of tomorrow need
       tripwatt fleet report fleet models --planned tomorrow.csv --plug 11000 --grid 60
+      # and if it freezes hard
+      tripwatt fleet report fleet models --planned tomorrow.csv --plug 11000 --grid 60 --cold -15
     """
     from tripwatt.fleet.batteries import Warranty
     from tripwatt.fleet.charging import Depot, read_tariff
@@ -312,6 +313,8 @@ def report(
         about |= {"A need is enough with": f"{100 * probability:g} %", "Reserve": f"{100 * reserve:g} %"}
         about |= {"Charger": f"{plug / 1e3:g} kW", "Charging begins": f"{at:%Y-%m-%d %H:%M %z}"}
     trips = read_planned(planned, ambient) if planned is not None else []
+    if cold is not None:
+        trips, about["Planned trips at"] = [trip.in_air(cold) for trip in trips], f"{cold:g} °C"
     ahead = [trip for trip in trips if trip.departs_at >= min(now, at)]
     rows = _rows(fleet, fleet.place, fleet)
     depot = Depot(at, plug, grid and 1e3 * grid, {} if tariff is None else read_tariff(tariff))

@@ -26,7 +26,7 @@ from tripwatt.fleet.charging import EFFICIENCY, Depot, schedule
 from tripwatt.fleet.features import FEATURES, trip_features
 from tripwatt.fleet.mapping import load_car
 from tripwatt.fleet.model import FleetModel
-from tripwatt.fleet.nights import POWERS, PlannedTrip, needs_by_hour, read_planned
+from tripwatt.fleet.nights import POWERS, SD_LEVEL, PlannedTrip, needs_by_hour, read_planned
 from tripwatt.fleet.store import TripStore, open_store
 from tripwatt.forecasting import ForecastModel
 from tripwatt.hybrid.segments import day_of
@@ -48,8 +48,6 @@ _AIRS: Final = 15
 of twice as many."""
 _MAX_DAYS: Final = 12
 """Largest number of days of a route that are forecast, one of each twelfth of the days by distance: a choice, because forecasts take long."""
-_SD_LEVEL: Final = 0.9
-"""Least level of the quantile from which a standard deviation is computed, as for the needs of a night."""
 _BEFORE: Final = dt.timedelta(hours=12)
 """Time before the first departure at which charging begins: a choice, a night."""
 
@@ -251,7 +249,7 @@ def choices(
     air_degc = climate.air_degc
     degc = np.linspace(air_degc.min() - 0.1, air_degc.max() + 0.1, _NODES)  # also without any spread
     models, rows = {id(c.model): c.model for c in candidates}, []
-    level = max(probability, _SD_LEVEL)
+    level = max(probability, SD_LEVEL)
     for route, trips in routes.items():
         taken = {
             key: np.array([_day(model, day, degc, level) for day in trips]) for key, model in models.items()
@@ -283,17 +281,13 @@ def _day(model: ForecastModel, trips: Sequence[PlannedTrip], degc: FloatArray, l
     for at in degc.tolist():
         sums = np.zeros(5 + len(FEATURES))
         for trip in trips:
-            forecast = trip.forecast(model, _in_air(trip.departure, at))
+            forecast = trip.in_air(at, soc=None).forecast(model)
             energy, charge, _ = trip_quantiles(forecast, (0.5, level))
             spread = [np.diff(values)[0] / ndtri(level) for values in (energy, charge)]
             sums += [energy[0], charge[0], *spread, 0.0, *trip_features(forecast.drive.table)[0]]
             sums[4] = forecast.charge.wh_per_display
         rows.append(sums)
     return np.array(rows)
-
-
-def _in_air(departure: Departure, degc: float, soc: float | None = None) -> Departure:
-    return replace(departure, ambient_temperature_degc=degc, battery_temperature_degc=None, soc=soc)
 
 
 def _chances(soc: FloatArray, sd: FloatArray, reserve: float, probability: float) -> dict[str, Any]:
@@ -372,7 +366,7 @@ def chargers(
     for share in NIGHTS if days else ():
         degc = float(np.quantile(climate.air_degc, 1.0 - share))
         night = [
-            replace(trip, vehicle_id=vehicle, car_model=None, departure=_in_air(trip.departure, degc, reserve),
+            replace(trip.in_air(degc, soc=reserve), vehicle_id=vehicle, car_model=None,
                     departs_at=dt.datetime.combine(first, trip.departs_at.timetz()))
             for vehicle, day in days for trip in day
         ]  # fmt: skip

@@ -44,7 +44,7 @@ POWERS: Final = ("alternating_w", "direct_w")
 
 _TEXT_COLUMNS: Final = ("vehicle_id", "trip", "departs_at", "car_model", "driver", "kind")
 _TRUTH_VALUES: Final = {"True": True, "False": False}
-_SD_LEVEL: Final = 0.9
+SD_LEVEL: Final = 0.9
 """Least level of the quantile from which a standard deviation is computed: a choice, because lower ones have little of the spread."""
 _NIGHTS: Final = 4000
 """Simulated nights: a choice, because a chance of 95 % then has a standard error of 0.35 points."""
@@ -102,11 +102,16 @@ class PlannedTrip:
     driver: str | None
     where: str = ""
 
-    def forecast(self, model: ForecastModel, departure: Departure) -> Forecast:
+    def in_air(self, degc: float, **known: Any) -> PlannedTrip:
+        """Return the trip at another outside temperature [°C], which the battery has, too, and with other known values."""
+        known |= {"ambient_temperature_degc": degc, "battery_temperature_degc": None}
+        return replace(self, departure=replace(self.departure, **known))
+
+    def forecast(self, model: ForecastModel) -> Forecast:
         """Forecast the trip by the model of a car."""
         if isinstance(self.road, Plan):
-            return model.forecast(self.road, replace(departure, soc=None))
-        return KindForecaster.from_kind(model, departure, self.kind).forecast(1000.0 * self.road)
+            return model.forecast(self.road, replace(self.departure, soc=None))
+        return KindForecaster.from_kind(model, self.departure, self.kind).forecast(1000.0 * self.road)
 
     def forecast_by(self, fleet: FleetModel) -> tuple[Vehicle, Forecast]:
         """Return the car and its forecast of the trip by the model of a fleet."""
@@ -114,7 +119,7 @@ class PlannedTrip:
         cold = None if ambient is None else ambient < COLD_DEGC
         with places_within(self.where):
             model = fleet.of_vehicle(self.vehicle_id, car_model=self.car_model, driver=self.driver, cold=cold)
-            return model.vehicle, self.forecast(model, self.departure)
+            return model.vehicle, self.forecast(model)
 
 
 def read_planned(file: Path | str, ambient_degc: float | None = None) -> list[PlannedTrip]:
@@ -249,7 +254,7 @@ def _trip_need(
     The standard deviation is that of a normal distribution with the median and the quantile of the forecast. Its shared parts are in
     proportion to those of the forecast.
     """
-    level = max(probability, _SD_LEVEL)
+    level = max(probability, SD_LEVEL)
     energies, (soc, soc_high), duration_s = trip_quantiles(forecast, (0.5, level))
     sd_wh = float(np.diff(energies)[0] / ndtri(level))
     is_air_unknown = any(flag.subject == "ambient_temperature_degc" for flag in forecast.flags)
@@ -456,8 +461,8 @@ def needs_by_car(
     models = {name: model.of_vehicle(None, car_model=name, cold=cold) for name in names}
     needs = {}
     for name, trip in {trip.name: trip for trip in trips}.items():
-        known = replace(trip.departure, ambient_temperature_degc=ambient_degc, battery_temperature_degc=None)
-        taken = ((car, trip_quantiles(trip.forecast(m, known), (probability,))) for car, m in models.items())
+        cold_trip = trip.in_air(ambient_degc)
+        taken = ((car, trip_quantiles(cold_trip.forecast(m), (probability,))) for car, m in models.items())
         needs[name] = {car: reserve + float(charge[0]) for car, (_, charge, _) in taken}
     return pd.DataFrame.from_dict(needs, orient="index", columns=names).rename_axis("trip").reset_index()
 
