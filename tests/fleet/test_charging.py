@@ -62,7 +62,15 @@ def test_the_peak_is_flat_where_the_price_is_and_the_first_failure_is_named():
     assert (free.peak_w, free.missing_wh.sum()) == (pytest.approx(2000.0, abs=1e-3), 0)
     tight = schedule(needs_of(rows), Depot(AT, 22e3, 1000.0))
     fails = Night(needs_of(rows), Depot(AT, 22e3, 1000.0)).summary["fails_first"]
-    assert fails["vehicle_id"] == "V1"
+    assert (fails["vehicle_id"], fails["reason"]) == ("V1", "grid limit")
+    for slow_w, reason in (
+        (500.0, "time at the charger"),
+        (22e3, "size of the battery, or no time between trips"),
+    ):
+        needs = needs_of(rows).assign(
+            alternating_w=slow_w, charge_wh=[UNIT_WH, UNIT_WH * (4 if slow_w < 1e3 else 60)]
+        )
+        assert Night(needs, Depot(AT, 22e3, 20e3)).summary["fails_first"]["reason"] == reason
     assert tight.missing_wh.sum() == pytest.approx(4.0 * UNIT_WH, abs=0.01)
     nothing = schedule(needs_of(rows), Depot(AT, 22e3, 0.0))
     assert (len(nothing.table), nothing.peak_w) == (0, 0.0)

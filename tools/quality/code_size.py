@@ -23,10 +23,10 @@ from tools.command import run
 PARTS: Final = ("roads", "server", "fleet", "study", "gamm")
 """Rooms that are a part; all others together are the core. `gamm` is a distribution of its own."""
 BUDGETS: Final[Mapping[str, int]] = {
-    "core": 20_516,
+    "core": 20_515,
     "roads": 4_448,
     "server": 5_986,
-    "fleet": 2_959,
+    "fleet": 2_972,
     "study": 4_655,
     "gamm": 3_865,
 }

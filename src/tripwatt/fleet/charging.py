@@ -5,7 +5,7 @@ from __future__ import annotations
 import datetime as dt
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any, Final
@@ -36,6 +36,8 @@ _LEAST_W: Final = 0.1
 _MISSING_WH: Final = 1.0
 """Smallest power that is charged and smallest energy that counts as missing: choices, far below what a car shows."""
 _EMHASS_STEP: Final = dt.timedelta(minutes=30)
+_FAST_W: Final = 1e7
+"""Power that fills every battery within `STEP` [W]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -338,7 +340,7 @@ class Night:
         """Energy of all vehicles together, and the chance that all have enough if each is charged as planned, or as needed without a plan.
 
         With a plan also its `peak_w`, its `cost` if there is a tariff, and `fails_first`: vehicle and departure of the first row with
-        missing energy.
+        missing energy, and its `reason`.
         """
         plan, needs = self.plan, self.needs
         wanted = up_to_each(needs) @ needs["charge_wh"].fillna(0.0).to_numpy()
@@ -348,7 +350,21 @@ class Night:
         short = self.tables["needs"].query("missing_wh > 0.0").sort_values("departs_at", kind="stable")
         fails = records(short[["vehicle_id", "departs_at", "missing_wh"]].head(1))
         cost = {"cost": plan.cost} if self.depot.tariff else {}
-        return totals | {"peak_w": plan.peak_w, **cost, "fails_first": fails[0] if fails else None}
+        first = fails[0] | {"reason": self._reason(fails[0]["vehicle_id"])} if fails else None
+        return totals | {"peak_w": plan.peak_w, **cost, "fails_first": first}
+
+    def _reason(self, vehicle: str) -> str:
+        """Say why a vehicle lacks energy: what it has to be without to lack none."""
+        own = self.needs[self.needs["vehicle_id"] == vehicle]
+        fast = own.assign(**dict.fromkeys(POWERS, _FAST_W))
+        usual_w = self.depot.charger_w
+        for reason, needs, charger_w in (
+            ("grid limit", own, usual_w),
+            ("time at the charger", fast, _FAST_W),
+        ):
+            if not schedule(needs, replace(self.depot, charger_w=charger_w, grid_w=None)).missing_wh.any():
+                return reason
+        return "size of the battery, or no time between trips"
 
     @cached_property
     def document(self) -> dict[str, Any]:
