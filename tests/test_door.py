@@ -75,8 +75,58 @@ def test_names_of_the_door_are_listed_and_in_the_change_log():
 def test_importing_is_lazy():
     code = "import sys, tripwatt; print(sorted({m.split('.')[0] for m in sys.modules} & {'numpy', 'pandas', 'typer'}))"
     assert python(code) == "[]"
-    code = "import sys, tripwatt.command; print(sorted({m.split('.')[0] for m in sys.modules} & {'numpy', 'pandas'}))"
-    assert python(code) == "[]"  # the help is quick
+
+
+def imported(*arguments):
+    """Modules that a command imports."""
+    code = f"""
+import sys
+from tripwatt.command import main
+sys.argv = ["tripwatt", *{arguments!r}]
+try:
+    main()
+except SystemExit:
+    print("modules", *sys.modules)
+"""
+    return set(python(code).rpartition("modules")[2].split())
+
+
+def test_help_imports_no_numbers_and_no_other_command():
+    numbers = {"numpy", "scipy", "pandas", "pyarrow"}
+    listed = imported("--help")
+    assert {name for name in listed if name.startswith("tripwatt.command.")} <= {
+        "tripwatt.command.options",
+        "tripwatt.command.printing",
+    }
+    assert not listed & numbers
+    assert not imported("forecast", "--help") & numbers
+
+
+def test_a_forecast_imports_what_it_needs(tmp_path):
+    trip = tmp_path / "trip.csv"
+    tw.sample_trips().trips[0].samples.to_csv(trip, index=False)
+    needless = {
+        "scipy",
+        "sklearn",
+        "lightgbm",
+        "matplotlib",
+        "joblib",
+        "importlib.metadata",
+        "tripwatt.hybrid.identification",
+    }
+    needless |= {
+        "tripwatt.auditing.logs",
+        "tripwatt.population.adapting",
+        "tripwatt.routes.responses",
+        "tripwatt.server",
+    }
+    read = imported("forecast", str(trip), "--soc", "0.8")
+    assert "tripwatt.forecasting.leaving" in read
+    assert not read & needless
+
+
+def test_a_missing_trip_is_told_before_the_model_is_loaded():
+    assert "cattrs" not in imported("forecast", "nowhere.csv")  # it makes the model of its values
 
 
 def test_each_name_is_the_same_object_after_all_submodules_are_imported():

@@ -14,18 +14,14 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
-from tripwatt import routes
-from tripwatt.auditing import audit
+from tripwatt import population, routes
 from tripwatt.errors import Check, Fault, InvalidInput, raise_faults
-from tripwatt.forecasting.fitting import fit_car
 from tripwatt.forecasting.forecast import BAND, Forecast
 from tripwatt.forecasting.model import DEFAULT_CORRECTOR, ForecastModel, require_departure
 from tripwatt.hybrid import Corrector
 from tripwatt.physics import Simulation, simulate_trip
 from tripwatt.physics.batch import trip_totals
-from tripwatt.population import adaptation, for_car
 from tripwatt.routes.links import LinkRoute
-from tripwatt.routes.tracks import Track
 from tripwatt.sources import read_logs
 from tripwatt.sources.canonical import Frames, canonical_samples, read_canonical
 from tripwatt.trips import Departure, Plan, Trip, TripSet
@@ -74,7 +70,7 @@ def read_route(source: Route, *, speed_m_s: float | None = None, trip_id: str | 
     """
     where = Path(source).name if isinstance(source, str | Path) else "route"
     named, route = trip_id or Path(where).stem, _read(source)
-    needs_speed = isinstance(route, Track) and route.needs_speed
+    needs_speed = getattr(route, "needs_speed", False)
     if needs_speed and speed_m_s is None:
         got, allowed = "points without times and speeds", "a mean speed for the track"
         fix = "give speed_m_s in Python, --speed KM/H on the command line"
@@ -84,12 +80,12 @@ def read_route(source: Route, *, speed_m_s: float | None = None, trip_id: str | 
         raise InvalidInput.of("speed has no effect", "speed_m_s", got, allowed)
     if isinstance(route, pd.DataFrame):
         return Plan.from_samples(route, named)
-    if isinstance(route, Track):
-        return route.plan(speed_m_s=speed_m_s, trip_id=named)
-    return route.plan(trip_id=named)
+    if isinstance(route, LinkRoute):
+        return route.plan(trip_id=named)
+    return route.plan(speed_m_s=speed_m_s, trip_id=named)
 
 
-def _read(source: Route) -> LinkRoute | Track | pd.DataFrame:
+def _read(source: Route) -> LinkRoute | routes.Track | pd.DataFrame:
     """Read the links, the track or the samples of a source."""
     if isinstance(source, bytes) or (isinstance(source, str | Path) and routes.is_route(source)):
         return routes.parse_route(source)
@@ -138,7 +134,7 @@ def read_trips(
     >>> import tripwatt as tw
     >>> trips = tw.read_trips("exports", "table", "leaf_spy")  # doctest: +SKIP
     """
-    return audit(read_logs(path, dataset, mapping, strict=strict, car=car)).trips
+    return tuple(_sound(read_logs(path, dataset, mapping, strict=strict, car=car)))
 
 
 def forecast(
@@ -178,7 +174,7 @@ def forecast(
     Departure(soc=0.8, ambient_temperature_degc=-5)
     """
     recorded = plan if isinstance(plan, Plan | Trip) else read_route(plan)
-    return for_car(model, car).forecast(recorded, departure)
+    return population.for_car(model, car).forecast(recorded, departure)
 
 
 def fit(
@@ -233,6 +229,8 @@ def fit(
     >>> tw.fit(tw.sample_trips(), "bmw_i3_60ah", corrector=HistGradientBoostingRegressor())
     <ForecastModel BMW i3 60 Ah, HistGradientBoostingRegressor corrector, 15 trips>
     """
+    from tripwatt.forecasting.fitting import fit_car  # a forecast does not need it
+
     car, sound = _car(car), _sound(trips)
     if isinstance(covariates, str):
         raise InvalidInput.of("unknown type", "covariates", f"the text {covariates!r}", "a list of names")
@@ -270,7 +268,7 @@ def adapt(base: ForecastModel, trips: Trips, car: Vehicle | str) -> ForecastMode
     >>> tw.adapt(tw.load_model(), tw.sample_trips("ved").trips[:3], "nissan_leaf_24")
     <ForecastModel Nissan Leaf 24 kWh, population corrector, 3 trips>
     """
-    return adaptation(base, _sound(trips), _car(car)).model
+    return population.adaptation(base, _sound(trips), _car(car)).model
 
 
 def simulate(trip: Plan | Trip | Route, car: Vehicle | str, departure: Departure | None = None) -> Simulation:
@@ -373,7 +371,9 @@ def sweep(
         variants = [check(variant, car, row) for car in cars for row in rows]
     plans = (_plan(each, departure) for each in _drives(trip))
     pairs = ((car, plan.with_departure(known)) for plan in plans for car, known in variants)
-    table = pd.DataFrame(trip_totals(pairs) if model is None else _forecasts(for_car(model), pairs))
+    table = pd.DataFrame(
+        trip_totals(pairs) if model is None else _forecasts(population.for_car(model), pairs)
+    )
     if table.empty:
         raise InvalidInput.of("no drives", "trip", "none", "at least one")
     table["flags"] = [", ".join(flag.code for flag in flags) for flags in table["flags"]]
@@ -394,7 +394,7 @@ def _drives(trip: Any) -> Iterable[Plan | Trip | Route]:
 def _forecasts(model: ForecastModel, pairs: Iterable[tuple[Vehicle, Plan]]) -> Iterator[dict[str, Any]]:
     of_car: dict[int, tuple[Vehicle, ForecastModel]] = {}
     for car, plan in pairs:
-        made = of_car.setdefault(id(car), (car, for_car(model, car)))[1].forecast(plan)
+        made = of_car.setdefault(id(car), (car, population.for_car(model, car)))[1].forecast(plan)
         low, high = made.interval(BAND)
         yield {
             "trip": plan.trip_id,
@@ -425,4 +425,6 @@ def _car(car: Vehicle | str) -> Vehicle:
 def _sound(trips: Trips) -> Sequence[Trip]:
     if not isinstance(trips, TripSet | pd.DataFrame | Mapping) and all(isinstance(t, Trip) for t in trips):
         return cast(Sequence[Trip], trips)
+    from tripwatt.auditing import audit  # a forecast does not need it
+
     return audit(trips if isinstance(trips, TripSet) else read_logs(cast(Frames, trips))).trips

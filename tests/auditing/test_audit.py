@@ -11,8 +11,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from tests.support.refusals import refuses
 
-from tripwatt.auditing import audit, driven_m, finding_of_cut, without_repeats
 from tripwatt.auditing.findings import Cut, Finding
+from tripwatt.auditing.logs import audit, driven_m, finding_of_cut, without_repeats
 from tripwatt.sources.tum import read_tum
 from tripwatt.trips import Context, Log, validate_samples
 

@@ -12,11 +12,10 @@ from tests.routes.made import NO, SPEED, TO_ROUNDING, drive, encode_polyline, fa
 from tests.support.refusals import refusal, refuses
 
 from tripwatt.errors import InvalidInput
-from tripwatt.routes import LinkRoute, Track, parse_route
+from tripwatt.routes import LinkRoute, Track, is_route, parse_route
 from tripwatt.routes.points import haversine_m, heights_along
 from tripwatt.routes.responses import (
     ROUTERS,
-    is_route,
     recognise_router,
     route_from_graphhopper,
     route_from_openrouteservice,

@@ -11,6 +11,7 @@ import signal
 import sys
 import traceback
 from collections import UserDict
+from collections.abc import Mapping
 from importlib import import_module
 from typing import Annotated, Any, Final, NoReturn
 
@@ -36,32 +37,35 @@ TRACEBACK: Final = "TRIPWATT_TRACEBACK"
 TERMINATED: Final = 128 + signal.SIGTERM
 """Exit code of a command that was ended by SIGTERM."""
 
-COMMANDS: Final = {
-    "evaluate": "evaluate.evaluate",
-    "fit": "models.fit",
-    "forecast": "forecast.forecast",
-    "example-trip": "forecast.example_trip",
-    "plan": "journey.plan",
-    "reach": "journey.reach",
-    "places": "journey.places",
-    "advise": "forecast.advise",
-    "need": "distances.need",
-    "range": "distances.range_",
-    "inspect": "models.inspect",
-    "audit": "logs.audit",
-    "vehicles": "cars.vehicles",
-    "simulate": "cars.simulate",
-    "export": "cars.export",
-    "serve": "serve.serve",
-    "mcp": "serve.mcp",
-    "demo": "serve.demo",
-    "map": "journey.MAP",
-    "mapping": "logs.MAPPING",
-    "store": "stores.STORE",
-    "fleet": "fleets.FLEET",
-    "car": "own_cars.CAR",
+COMMANDS: Final[Mapping[str, tuple[str, str]]] = {
+    "evaluate": ("evaluate.evaluate", "Fit models, score them on held-out trips, write a report."),
+    "fit": ("models.fit", "Fit a model on logged trips and write it as a folder."),
+    "forecast": ("forecast.forecast", "Forecast the energy of a trip with its interval."),
+    "example-trip": ("forecast.example_trip", "Write a real trip of the package as a CSV table."),
+    "plan": ("journey.plan", "Plan a journey from place to place, with stops to charge."),
+    "reach": ("journey.reach", "Show how far a charge carries in every direction."),
+    "places": ("journey.places", "Find places by the start of their names."),
+    "advise": ("forecast.advise", "Say what to do about a trip, and what each action saves."),
+    "need": ("distances.need", "Forecast what a distance takes, without a road."),
+    "range": ("distances.range_", "Forecast how far a charge carries, without a road."),
+    "inspect": ("models.inspect", "Show provenance and scores of a model, and verify it."),
+    "audit": ("logs.audit", "List the faults of logged trips and their consequences."),
+    "vehicles": ("cars.vehicles", "List or search the cars of the library, or show one."),
+    "simulate": ("cars.simulate", "Simulate one logged trip with a car."),
+    "export": ("cars.export", "Print the consumption curve of a car for a router."),
+    "serve": ("serve.serve", "Serve the HTTP API and the web page."),
+    "mcp": ("serve.mcp", "Serve an assistant over standard input and output."),
+    "demo": ("serve.demo", "Serve the page with example data."),
+    "map": ("journey.MAP", "Maps of a region on this machine."),
+    "mapping": ("logs.MAPPING", "Columns of your tables and what they hold."),
+    "store": ("stores.STORE", "Trip stores: logs of many vehicles in Delta tables."),
+    "fleet": ("fleets.FLEET", "Many vehicles: one model of a trip store."),
+    "car": ("own_cars.CAR", "Your own car: its trips, its model and its diary."),
 }
-"""Name of a command or of a group of commands -> its module in this package, and its function or its `typer.Typer` there."""
+"""Name of a command or of a group of commands -> its place, and its line in the list of commands.
+
+The place is a module of this package, and a function or a `typer.Typer` there. The line stands here so that the list imports no command.
+"""
 
 
 class _Commands(UserDict[str, Any]):
@@ -80,7 +84,11 @@ class _Commands(UserDict[str, Any]):
 class _LazyGroup(TyperGroup):
     def __init__(self, **settings: Any) -> None:
         super().__init__(**settings)
-        self.commands = _Commands(COMMANDS)
+        self.commands = _Commands({name: place for name, (place, _) in COMMANDS.items()})
+
+    def format_commands(self, ctx: Any, formatter: Any) -> None:
+        with formatter.section("Commands"):
+            formatter.write_dl([(name, line) for name, (_, line) in COMMANDS.items()])
 
 
 app = typer.Typer(

@@ -91,12 +91,12 @@ def forecast(
     with shared.options_named():
         with Check() as check:
             check(require_fraction, "reserve", reserve)
-            fitted = check(shared.model_of, model)
             plan = check(tw.read_route, trip, speed_m_s=speed_m_s)
             read = partial(read_canonical, required=("time_s",), minimum=2)
             measured = None if observed is None else check(read, observed)
             car = vehicle and check(tw.load_vehicle, vehicle)
             known = check(departure)
+            fitted = shared.model_after(check, model)
         expected = tw.for_car(fitted, car).forecast(plan, known)
     if measured is not None:
         expected = expected.update(measured)
@@ -199,9 +199,10 @@ def advise(
     model, trip = model_and_trip(paths)
     with shared.options_named():
         with Check() as check:
-            plan, fitted = check(tw.read_route, trip), check(shared.model_of, model)
+            plan = check(tw.read_route, trip)
             car = vehicle and check(tw.load_vehicle, vehicle)
             known = check(departure)
+            fitted = shared.model_after(check, model)
         advice = tw.advise(plan, known, car, fitted, reserve=reserve, probability=probability)
     return Answer(advice.to_dict, partial(_show_advice, advice))
 

@@ -14,7 +14,6 @@ from typing import TYPE_CHECKING, Final, TextIO
 import typer
 
 from tripwatt.errors import printable
-from tripwatt.trips.messages import message, severity_of
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -96,6 +95,7 @@ MAX_GROUPS: Final = 12
 
 def grouped(flags: Iterable[Flag]) -> list[str]:
     """Return one sentence for each kind of flag, with the number of further flags of that kind."""
+    from tripwatt.trips.messages import message
     from tripwatt.trips.reading import group_by_kind  # pandas is slow to import
 
     kinds = group_by_kind((flag.code, flag.subject, 1, message(flag)) for flag in flags)
@@ -124,6 +124,8 @@ def print_reading(fleet: TripSet, result: Audit) -> None:
 
 def print_notes(notes: Iterable[str | Flag]) -> None:
     """Print notes on standard error; a flag is printed as its sentence, a serious flag as a warning."""
+    from tripwatt.trips.messages import message, severity_of  # the help needs no words of flags
+
     for note in notes:
         kind = "note" if isinstance(note, str) or severity_of(note) != "warning" else "warning"
         say(f"{kind}: {note if isinstance(note, str) else message(note)}", err=True)
@@ -131,6 +133,8 @@ def print_notes(notes: Iterable[str | Flag]) -> None:
 
 def print_few_notes(flags: Sequence[Flag]) -> None:
     """Print the notes of a short answer: serious flags, flags on the outside temperature, and the number of the others."""
+    from tripwatt.trips.messages import severity_of
+
     few = [f for f in flags if severity_of(f) != "note" or f.subject == "ambient_temperature_degc"]
     rest = len(flags) - len(few)
     print_notes([*few, f"{rest} more, such as values that are assumed: --json has all"] if rest else few)

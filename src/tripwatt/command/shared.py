@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Final
 import tripwatt as tw
 from tripwatt import trips
 from tripwatt.command.options import argument, assignments, flag, option, require_effect
-from tripwatt.errors import Fault, InvalidInput, and_more, places_named
+from tripwatt.errors import Check, Fault, InvalidInput, and_more, places_named
 from tripwatt.trips.departure import ASKED
 
 if TYPE_CHECKING:
@@ -176,7 +176,12 @@ def options_named() -> AbstractContextManager[None]:
     return places_named({name: field.option for name, field in ASKED.items()} | others)
 
 
-def model_of(folder: Path | None) -> tw.ForecastModel:
+def model_after(check: Check, folder: Path | None) -> tw.ForecastModel | None:
+    """Load the model of a folder; the bundled model, which has no fault, only if the checks before have found none."""
+    return None if folder is None and check.failed else check(_model_of, folder)
+
+
+def _model_of(folder: Path | None) -> tw.ForecastModel:
     """Load the model of a folder: a stored model, or the adapted model of a car; returns the bundled model for None.
 
     Raises

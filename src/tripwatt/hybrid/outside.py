@@ -5,7 +5,6 @@ from __future__ import annotations
 import copy
 import inspect
 from collections.abc import Callable
-from importlib.metadata import EntryPoint, entry_points
 from typing import Any, Final, Protocol
 
 from tripwatt.arrays import FloatArray
@@ -142,6 +141,7 @@ def require_fitting(model: object, where: str, how: str) -> None:
 
 def packaged_correctors() -> dict[str, Callable[[int], Corrector]]:
     """Makers of the correctors of installed packages, by name; a package is imported when its corrector is made."""
+    from importlib.metadata import EntryPoint, entry_points  # slow to import
 
     def maker(entry: EntryPoint) -> Callable[[int], Corrector]:
         return lambda seed: entry.load()(seed)

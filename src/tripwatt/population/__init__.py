@@ -1,12 +1,8 @@
-"""Models for cars: for a model's own car, for another car without trips, and for one with a few trips."""
+"""Models for cars: for a model's own car, for another car without trips, and for one with a few trips.
 
-from tripwatt.population.adapting import Adaptation, adaptation
-from tripwatt.population.cars import for_car
-from tripwatt.population.prior import population
+`__init__.pyi` lists the names. Each name is imported on first use.
+"""
 
-__all__ = [
-    "Adaptation",
-    "adaptation",
-    "for_car",
-    "population",
-]
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

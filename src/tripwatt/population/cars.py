@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Final
 
 from tripwatt.forecasting import ForecastModel, load_model
-from tripwatt.population.adapting import population_of, without_trips
 from tripwatt.trips import Flag
 from tripwatt.vehicles import Vehicle, differences, load_vehicle, vehicle_names, with_differences
 from tripwatt.vehicles.anchors import CLASS_ANCHORS
@@ -61,6 +60,11 @@ def for_car(
         car = load_vehicle(car, own.preset if car == own.name else "default")
     if car is None or car is own:
         return fitted
+    from tripwatt.population.adapting import (
+        population_of,
+        without_trips,
+    )  # the model's own car does not need it
+
     changes = [d for d in differences(car, own) if d.key.partition(".")[0] != _NO_ENERGY]
     if not changes:
         same_charging = car.charging in (None, own.charging)

@@ -8,6 +8,7 @@ import itertools
 import sys
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 from types import NoneType
 from typing import Any, Final
 
@@ -26,12 +27,16 @@ from tripwatt.errors import (
     first_faults,
     raise_faults,
 )
+from tripwatt.files import file_head
 from tripwatt.routes.links import FLAT_ROAD, MAX_LINKS, LinkRoute
 from tripwatt.trips import LINK_COLUMNS, STEEPEST_GRADE, Flag
 from tripwatt.trips.elevation import HEIGHT_NOISE_M
 from tripwatt.trips.headers import DELIMITERS, header_faults, same_quantity
 
 _RELATIVE_ELEVATION: Final = Flag("elevation_relative", "road")
+
+_SUFFIXES: Final = (".gpx", ".kml", ".kmz", ".json", ".geojson")
+"""Suffixes of files that are routes whatever they begin with."""
 
 LINK_KEYS: Final = tuple(sorted(LINK_COLUMNS))
 """Keys of a link, see `route_from_links`."""
@@ -318,6 +323,37 @@ def is_links_table(data: bytes) -> bool:
     names = _header_cells(data.partition(b"\n")[0][:4000].decode("utf-8-sig", "replace"))[0]
     starts = {start for start in ("length", "time", "{", "[") for name in names if name.startswith(start)}
     return starts == {"length"}
+
+
+def is_route(path: Path | str) -> bool:
+    r"""Whether a file is to be read as a route, by its suffix or its beginning.
+
+    True for a file with the suffix gpx, kml, kmz, json or geojson, for a text that begins like XML or JSON, and for a table of links.
+
+    Parameters
+    ----------
+    path : str or Path
+        A file.
+
+    Returns
+    -------
+    bool
+        False if there is no such file.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     file = Path(folder, "links.csv")
+    ...     _ = file.write_text("length_m,speed_m_s\n500,10\n")
+    ...     is_route(file), is_route(folder)
+    (True, False)
+    """
+    path = Path(path)
+    if path.suffix.lower() in _SUFFIXES:
+        return path.is_file()
+    head = file_head(path)
+    return head.lstrip(b"\xef\xbb\xbf \t\r\n")[:1] in (b"<", b"{", b"[") or is_links_table(head)
 
 
 def route_from_table(data: bytes, where: str = "links") -> LinkRoute:

@@ -16,7 +16,6 @@ import numpy as np
 
 from tripwatt.arrays import FloatArray, running_sum
 from tripwatt.errors import InvalidInput, excerpt, or_none
-from tripwatt.files import file_head
 from tripwatt.routes.carried import (
     carried_pieces,
     carried_points,
@@ -49,9 +48,6 @@ _ORS_UNITS_M: Final[Mapping[str, float]] = {"m": 1.0, "km": 1000.0, "mi": M_PER_
 """Units of length in which openrouteservice answers."""
 _ZIP: Final = b"PK\x03\x04"
 """First bytes of a ZIP archive."""
-
-_SUFFIXES: Final = (".gpx", ".kml", ".kmz", ".json", ".geojson")
-"""Suffixes of files that are routes whatever they begin with."""
 
 
 def route_from_parts(parts: Sequence[Part], where: str, *flags: Flag) -> LinkRoute:
@@ -294,37 +290,6 @@ def recognise_router(response: Mapping[str, Any]) -> str | None:
         level = entries[0] if isinstance(entries, list) and entries and isinstance(entries[0], dict) else {}
         names |= set(level)
     return next((router for router, signs in _SIGNS.items() if names & signs), None)
-
-
-def is_route(path: Path | str) -> bool:
-    r"""Whether a file is to be read as a route, by its suffix or its beginning.
-
-    True for a file with the suffix gpx, kml, kmz, json or geojson, for a text that begins like XML or JSON, and for a table of links.
-
-    Parameters
-    ----------
-    path : str or Path
-        A file.
-
-    Returns
-    -------
-    bool
-        False if there is no such file.
-
-    Examples
-    --------
-    >>> import tempfile
-    >>> with tempfile.TemporaryDirectory() as folder:
-    ...     file = Path(folder, "links.csv")
-    ...     _ = file.write_text("length_m,speed_m_s\n500,10\n")
-    ...     is_route(file), is_route(folder)
-    (True, False)
-    """
-    path = Path(path)
-    if path.suffix.lower() in _SUFFIXES:
-        return path.is_file()
-    head = file_head(path)
-    return head.lstrip(b"\xef\xbb\xbf \t\r\n")[:1] in (b"<", b"{", b"[") or is_links_table(head)
 
 
 def parse_route(source: bytes | str | Path, *, where: str | None = None) -> LinkRoute | Track:

@@ -54,26 +54,26 @@ class Column:
         return f"{self.minimum:g} to {self.maximum:g}{unit}"
 
 
-def _columns(table: str) -> Mapping[str, Column]:
-    """Read a table of `columns.toml`."""
-    return {name: Column(*about) for name, about in shipped_toml("trips/columns.toml")[table].items()}
+_TABLES: Final = {
+    table: {name: Column(*about) for name, about in entries.items()}
+    for table, entries in shipped_toml("trips/columns.toml").items()
+}
 
-
-COLUMNS: Final = _columns("samples")
+COLUMNS: Final = _TABLES["samples"]
 """Canonical sample columns in SI units; temperatures in °C, `soc` as a fraction."""
 
 REQUIRED_COLUMNS: Final = ("time_s", "speed_m_s")
 
-QUANTITIES: Final = _columns("quantities")
+QUANTITIES: Final = _TABLES["quantities"]
 """Single numbers that belong to a whole trip."""
 
-DEPARTURE_BOUNDS: Final = _columns("departure")
+DEPARTURE_BOUNDS: Final = _TABLES["departure"]
 """Narrower bounds of values that a person gives for a departure."""
 
 BOUNDS: Final[Mapping[str, Column]] = {**QUANTITIES, **COLUMNS, **DEPARTURE_BOUNDS}
 """Name of a number -> unit and bounds; those of `DEPARTURE_BOUNDS` come first."""
 
-LINK_COLUMNS: Final = _columns("links")
+LINK_COLUMNS: Final = _TABLES["links"]
 """Fields of a link of a planned road."""
 
 STEEPEST_GRADE: Final = LINK_COLUMNS["grade"].maximum

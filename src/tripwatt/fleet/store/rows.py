@@ -14,7 +14,7 @@ import numpy as np
 import pyarrow as pa
 
 from tripwatt.arrays import FloatArray
-from tripwatt.auditing import Finding, audit, driven_m
+from tripwatt.auditing import Finding, audit, logs
 from tripwatt.trips import COLUMNS, Context, Log, Recorded, observed_energy, table_of
 
 _COUNTED: Final = "observed_energy_wh"
@@ -141,7 +141,7 @@ def stored_log(log: Recorded, vehicle_id: str, car_model: str, buckets: int) -> 
         "car_model": car_model,
         "driver": log.context.driver,
         "started_at": None if started is None else started.isoformat(),
-        "distance_m": sum(driven_m(drive.samples) for drive in drives),
+        "distance_m": sum(logs.driven_m(drive.samples) for drive in drives),
         "duration_s": sum(drive.duration_s for drive in drives),
         "energy_wh": energy,
         "energy_std_wh": std,
