@@ -164,12 +164,6 @@ def test_the_error_of_a_choice_is_that_of_its_round_and_has_not_seen_the_fold():
     assert np.isnan(unchosen.fold_errors_).all()
 
 
-def test_processes_change_nothing():
-    X, y, groups = clustered(8, 10)
-    alone, pair = (small(n_rounds=10, n_jobs=n).leave_groups_out(X, y, groups) for n in (1, 2))
-    np.testing.assert_array_equal(alone, pair)
-
-
 def test_a_boosting_travels_to_another_process():
     X, y, groups = clustered()
     model = small(correlation="ar1").fit(X, y, groups)

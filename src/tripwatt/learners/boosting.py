@@ -9,11 +9,11 @@ out. See `docs/explanation/learners.md`.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from itertools import combinations, product
 from types import MappingProxyType
 from typing import Any, Literal, Self
 
 import numpy as np
-from joblib import Parallel, delayed
 from sklearn.base import clone
 
 from tripwatt.arrays import FloatArray, IntArray
@@ -63,8 +63,6 @@ class ClusteredBoosting(ClusteredTrees):
         Error of a group in the cross-validation. Each group weighs the same.
     score_rows : {"all", "last"}
         Rows of a group that are scored.
-    n_jobs : int or None
-        Number of processes of `leave_groups_out`; the result does not depend on this number.
     random_state : int, RandomState or None
         Seed of folds and draws.
 
@@ -137,7 +135,6 @@ class ClusteredBoosting(ClusteredTrees):
         param_grid: Mapping[str, Sequence[Any]] | Literal["default"] | None = None,
         loss: Loss = "squared",
         score_rows: ScoreRows = "all",
-        n_jobs: int | None = None,
         random_state: Any = None,
     ) -> None:
         keep_arguments(self, locals())
@@ -210,18 +207,12 @@ class ClusteredBoosting(ClusteredTrees):
         sample, clusters, rows, seed = self._prepare(X, y, groups)
         fold_of_group = folds_of(folds, clusters)
         settings = self._settings()
-        with Parallel(n_jobs=self.n_jobs) as parallel:
-            choices = self._shared_choices(sample, fold_of_group, seed, parallel)
-            fold_of_row = fold_of_group[clusters.codes]
-            results = parallel(
-                delayed(self._predict)(
-                    rows[fold_of_row == fold], sample, settings[setting], fold_of_group != fold, rounds, seed
-                )
-                for fold, (setting, rounds, _) in enumerate(choices)
-            )
-        prediction = np.empty(len(rows))
-        for fold, values in enumerate(results):
-            prediction[fold_of_row == fold] = values
+        choices = self._shared_choices(sample, fold_of_group, seed)
+        fold_of_row, prediction = fold_of_group[clusters.codes], np.empty(len(rows))
+        for fold, (setting, rounds, _) in enumerate(choices):
+            inside = fold_of_row == fold
+            path = boost(sample, settings[setting], fold_of_group != fold, rounds, seed, start=self.start)
+            prediction[inside] = path.start + sum_of_trees(rows[inside], *path.trees.with_values(path.values))
         self.fold_rounds_ = np.array([rounds for _, rounds, _ in choices])
         self.fold_errors_ = np.array([error for _, _, error in choices])
         return prediction
@@ -231,11 +222,6 @@ class ClusteredBoosting(ClusteredTrees):
         rounds = max(int(self.n_rounds_), 1)
         copy: ClusteredBoosting = clone(self).set_params(n_rounds=rounds, n_folds=None)
         return copy
-
-    def _predict(self, rows: FloatArray, *fit: Any) -> FloatArray:
-        """Boost with the arguments of a fit and predict `rows`."""
-        path = boost(*fit, start=self.start)
-        return path.start + sum_of_trees(rows, *path.trees.with_values(path.values))
 
     def _errors(
         self, sample: Sample, setting: dict[str, Any], block: IntArray, left_out: tuple[int, ...], seed: int
@@ -253,7 +239,7 @@ class ClusteredBoosting(ClusteredTrees):
         return errors
 
     def _shared_choices(
-        self, sample: Sample, fold_of_group: IntArray, seed: int, parallel: Parallel
+        self, sample: Sample, fold_of_group: IntArray, seed: int
     ) -> list[tuple[int, int, float]]:
         """Index of the setting and number of rounds for each fold, and the mean loss of that choice."""
         settings, n_folds = self._settings(), int(fold_of_group.max()) + 1
@@ -262,15 +248,11 @@ class ClusteredBoosting(ClusteredTrees):
         block_of_fold = _blocks(n_folds, 2 * self.n_folds, seed)
         block = block_of_fold[fold_of_group]
         n_blocks = int(block.max()) + 1
-        pairs = [(b, c) for b in range(n_blocks) for c in range(b + 1, n_blocks)]
-        asked = [(number, pair) for number in range(len(settings)) for pair in pairs]
-        results = parallel(
-            delayed(self._errors)(sample, settings[number], block, pair, seed) for number, pair in asked
-        )
         errors = np.full((n_blocks, len(settings), self.n_rounds, sample.n_groups), np.nan)
-        for (setting, (b, c)), losses in zip(asked, results, strict=True):
-            errors[c, setting][:, block == b] = losses[:, block == b]
-            errors[b, setting][:, block == c] = losses[:, block == c]
+        for (number, setting), (b, c) in product(enumerate(settings), combinations(range(n_blocks), 2)):
+            losses = self._errors(sample, setting, block, (b, c), seed)
+            errors[c, number][:, block == b] = losses[:, block == b]
+            errors[b, number][:, block == c] = losses[:, block == c]
         chosen = [_choice(list(errors[b])) for b in range(n_blocks)]
         return [chosen[b] for b in block_of_fold]
 
@@ -285,13 +267,7 @@ def _choice(errors: Sequence[FloatArray]) -> tuple[int, int, float]:
 
     Only rounds that all groups reached are compared.
     """
-    best, n_rounds, least = 0, 1, np.inf
-    for index, error in enumerate(errors):
-        scored = ~np.isnan(error[0])
-        curve = error[:, scored].mean(axis=1)
-        if not scored.any() or np.isnan(curve).all():
-            continue
-        at = int(np.nanargmin(curve))
-        if curve[at] < least:
-            best, n_rounds, least = index, at + 1, float(curve[at])
-    return best, n_rounds, least
+    curves = np.array([error[:, ~np.isnan(error[0])].mean(axis=1) for error in errors])
+    curves[np.isnan(curves)] = np.inf
+    best, at = np.unravel_index(curves.argmin(), curves.shape)
+    return int(best), int(at) + 1, float(curves[best, at])

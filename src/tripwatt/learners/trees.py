@@ -64,7 +64,6 @@ class TreeGrower:
         import lightgbm
 
         self.X = X
-        self._arguments = (X, categorical, max_bins)
         parameters = {
             "max_bin": int(max_bins),
             "min_data_in_bin": 1,
@@ -77,9 +76,6 @@ class TreeGrower:
         )
         self._data.construct()
         self._barren = all(self._data.feature_num_bin(column) < 2 for column in range(X.shape[1]))
-
-    def __reduce__(self) -> tuple[type[TreeGrower], tuple[Any, ...]]:
-        return (type(self), self._arguments)  # the library's handle cannot be sent to another process
 
     def start(self, setting: Mapping[str, Any]) -> Trees:
         """Return an empty sequence of trees of one shape on this table."""
