@@ -10,6 +10,7 @@ from sklearn.utils.estimator_checks import check_estimator
 from tripwatt.errors import InvalidInput
 from tripwatt.learners.boosting import ClusteredBoosting
 from tripwatt.learners.correlation import WorkingCorrelation
+from tripwatt.learners.trees import TreeGrower
 
 KINDS = ("independence", "exchangeable", "ar1")
 
@@ -201,3 +202,15 @@ def test_plain_boosting_is_that_of_htree(reference_dir, n_splits, depth):
     for rounds, name in ((1, "tree1"), (200, "F200")):
         model = ClusteredBoosting(n_rounds=rounds, **settings_).fit(X, table["y"], table["trip"])
         np.testing.assert_allclose(model.predict(X), expected[name], atol=1e-9)
+
+
+def test_leaves_come_from_the_scores_and_from_the_library_where_values_are_equal():
+    X, target = np.arange(8.0)[:, None], np.array([0.0, 0.0, 1.0, 1.0, 0.0, 0.0, 1.0, 1.0])
+    setting = {"max_leaf_nodes": 4, "max_depth": None, "min_leaf_weight": 1.0, "max_features": 1.0}
+    for y in (np.array([5.0, 5.0, 1.0, 1.0, 3.0, 3.0, 9.0, 9.0]), target):
+        trees = TreeGrower(X, [], 255).start(setting)
+        for seed in (1, 2, 3):
+            trees.grow(y / seed, np.ones(8), seed)
+            last = trees.last_leaves(X)
+            np.testing.assert_array_equal(last, trees.leaves(X)[-1])
+            assert len(set(last.tolist())) > 1

@@ -43,9 +43,11 @@ class WorkingCorrelation:
         self.weight = weight
         self.rho = 0.0
         self.sizes = np.bincount(codes)
-        self.pair = (codes[1:] == codes[:-1]) & (weight[1:] > 0)
-        edges = np.r_[False, codes[1:] == codes[:-1]].astype(float) + np.r_[codes[1:] == codes[:-1], False]
-        self.neighbours = edges  # number of neighbours of a row in its group: 0, 1 or 2
+        together = np.concatenate(([False], codes[1:] == codes[:-1], [False]))
+        self.pair = together[
+            1:-1
+        ]  # whether a row, from the second on, is of the same group as the one before
+        self.neighbours = together[1:].astype(np.int64) + together[:-1]  # of a row in its group: 0, 1 or 2
 
     def estimate(self, residual: FloatArray) -> None:
         """Set rho to its moment estimate from the current residuals, between 0 and `LARGEST`."""
@@ -84,7 +86,7 @@ class WorkingCorrelation:
 
     def _ar1_diagonal(self) -> FloatArray:
         values = np.array([1.0 - self.rho**2, 1.0, 1.0 + self.rho**2])
-        return np.asarray(values[self.neighbours.astype(np.int64)])
+        return np.asarray(values[self.neighbours])
 
     def normal_matrix(self, leaf: IntArray, n_leaves: int) -> FloatArray:
         """Compute Z' V^-1 Z for the indicators Z of the leaves, shape (n_leaves, n_leaves)."""

@@ -39,9 +39,6 @@ class _Grown:
     leaves: IntArray
     values: FloatArray
 
-    def sample_predictions(self) -> FloatArray:
-        return np.take_along_axis(self.values, self.leaves, axis=1)
-
     def predict(self, X: FloatArray, used: BoolArray) -> FloatArray:
         """Mean prediction of the trees `used`."""
         result = np.empty(len(X))
@@ -280,6 +277,7 @@ def _oob_losses(
     With trees that are fitted `without` folds, of shape (n_folds, n_trees), only these count, and the shape is (n_folds, n_groups).
     """
     counted = np.ones(len(out_of_bag)) if without is None else without.astype(float)
-    total = counted @ (forest.sample_predictions() * out_of_bag[:, sample.codes])
+    predictions = np.take_along_axis(forest.values, forest.leaves, axis=1)
+    total = counted @ (predictions * out_of_bag[:, sample.codes])
     n_used = (counted @ out_of_bag.astype(float))[..., sample.codes]
     return sample.loss(np.divide(total, n_used, out=np.full(total.shape, np.nan), where=n_used > 0))

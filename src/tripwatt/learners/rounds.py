@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from copy import copy
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -62,12 +63,11 @@ def boost(
         working.estimate(residual)
         current = working
         if setting["subsample"] < 1.0 and (drawn & allowed).any():
-            of_drawn = np.where(drawn[sample.codes], weight, 0.0)
-            current = WorkingCorrelation(working.kind, working.codes, of_drawn)
-            current.rho = working.rho
+            current = copy(working)
+            current.weight = np.where(drawn[sample.codes], weight, 0.0)
         gradient = current.solve(residual)
         path.trees.grow(gradient, current.weight, tree_seed)
-        leaf = path.trees.leaves(sample.grower.X, first=len(path.trees.position) - 1)[0]
+        leaf = path.trees.last_leaves(sample.grower.X)
         n_leaves = int(leaf.max()) + 1
         normal = current.normal_matrix(leaf, n_leaves)
         empty = np.diag(normal) <= 0

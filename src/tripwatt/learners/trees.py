@@ -97,6 +97,7 @@ class Trees:
 
         self.booster: Any = None if self._data is None else lightgbm.Booster(self._parameters, self._data)
         self._n_kept = 0
+        self._score: Any = 0.0  # sum of the library's own leaf values at each row of the table
 
     def grow(self, gradient: FloatArray, weight: FloatArray, seed: int) -> None:
         """Add the tree that fits `gradient / weight` by weighted least squares; it may be a lone leaf.
@@ -113,6 +114,31 @@ class Trees:
             return
         self.position.append(self._n_kept)
         self._n_kept += 1
+
+    def last_leaves(self, X: FloatArray) -> IntArray:
+        """Leaf of each row of the table `X` in the last tree, by the value that this tree added to the row's score.
+
+        To have the library predict the leaves takes longer than to grow the tree; it does so only if rounding hides a leaf. Call this
+        after every tree, or after none.
+        """
+        if self.position[-1] < 0:
+            return np.zeros(len(X), dtype=np.int64)
+        before = self._score
+
+        def keep(score: FloatArray, _data: Any) -> tuple[str, float, bool]:
+            self._score = score.copy()
+            return "", 0.0, True
+
+        self.booster.eval_train(keep)
+        text = self.booster.model_to_string(num_iteration=1, start_iteration=self._n_kept - 1)
+        values = np.array(text.split("\nleaf_value=", 1)[1].split("\n", 1)[0].split(), dtype=np.float64)
+        order, added = np.argsort(values), self._score - before
+        ranked = values[order]
+        place = np.searchsorted(0.5 * (ranked[1:] + ranked[:-1]), added)
+        error = max(np.abs(added - ranked[place]).max(), np.spacing(np.abs(self._score).max()))
+        if 4.0 * error < np.diff(ranked).min():
+            return np.asarray(order[place], dtype=np.int64)
+        return np.asarray(self.leaves(X, first=len(self.position) - 1)[0])
 
     def with_values(self, values: Sequence[FloatArray]) -> tuple[Any, int, float]:
         """Write leaf values into the booster; returns it, the number of its trees, and the sum of the lone leaves, which it lacks."""
