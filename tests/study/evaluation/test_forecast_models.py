@@ -84,6 +84,11 @@ class TestPowerModels:
         assert predict(np.array([1])) == pytest.approx([2 * 0.5 * half], **EXACT)
         assert predict(np.array([1, 2])) == pytest.approx([half, 0.5 * half], **EXACT)
 
+    def test_stages_are_identified_without_the_recorded_trips(self) -> None:
+        own = dataclasses.replace(data(1, 1), trips=("a recorded trip", "another"))
+        sent = PowerMethod(None, identified=True).required_data(held_out(own, [0, 1]), np.array([0]))
+        assert (sent.trips, sent.logs, sent.plans, sent.stages) == ((), (), own.plans, own.stages)
+
     def test_folds_of_a_task(self, monkeypatch) -> None:
         """Twelve folds in a task; all of them where the learner gives them at once."""
         own, folds = data(*[1] * 30), np.arange(30)

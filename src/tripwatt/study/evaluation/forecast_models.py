@@ -67,8 +67,8 @@ class PowerMethod(Method[ForecastData]):
         return Fitted(segments.totals_wh(segments.simulated_w + correction * share).__getitem__)
 
     def required_data(self, hold_out: HoldOut[ForecastData], scored: IntArray) -> ForecastData:
-        """Return the segments, and the data that identify the stages if these are identified."""
-        return replace(hold_out.data, logs=()) if self.identified else hold_out.data.slim()
+        """Return the segments, and if the stages are identified the plans and the evidence of the signals."""
+        return replace(hold_out.data, logs=(), trips=()) if self.identified else hold_out.data.slim()
 
     def _learner(self, seed: int) -> LearnerCorrector:
         """Make a corrector whose learner predicts all folds, each held out, at once."""
