@@ -175,7 +175,7 @@ def rows() -> Iterator[Row]:
     corridor = planned(0, LENGTH_KM, STATIONS)
 
     def plans() -> tuple[ChargingPlan, ...]:
-        return find_plans(replace(corridor, routed={}, _widths={}, _leg_needs={}))
+        return find_plans(replace(corridor))
 
     found = plans()
     yield Row(
