@@ -20,6 +20,7 @@ import uuid
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import asdict, dataclass
+from functools import lru_cache
 from pathlib import Path
 from typing import Any, Final
 
@@ -132,6 +133,12 @@ def compare(champion: FleetModel, challenger: FleetModel, sample: SampledTrips, 
 def is_registry(folder: Path | None) -> bool:
     """Whether a folder holds the versions of a fleet's model."""
     return folder is not None and (folder / "versions").is_dir()
+
+
+@lru_cache(maxsize=4)
+def _parsed(file: Path, written_ns: int) -> Any:
+    """Return the data of a file, which is read once for all pages until it is written again."""
+    return json.loads(file.read_bytes())
 
 
 @dataclass(frozen=True, slots=True)
@@ -252,7 +259,8 @@ class Registry:
         dict
             `version` in use, `about` of the last report, `rows`, and `next`, the cursor of the rows that follow, or None.
         """
-        report = json.loads(self.report_file("report.json") or "{}")
+        file = self.folder / "report" / "report.json"
+        report = _parsed(file, file.stat().st_mtime_ns) if file.is_file() else {}
         rows = self.history()[::-1] if table == "health" else report.get(table, [])
         end = cursor + limit
         following = end if end < len(rows) else None

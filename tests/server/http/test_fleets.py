@@ -222,6 +222,11 @@ def test_pages_of_a_list_are_the_list(registry: Registry, limit: int) -> None:
         assert len(page["rows"]) <= limit
         cursor = page["next"]
     assert rows == [{"car": row["vehicle_id"], "gain": row["gain"]} for row in vehicles]
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(Path, "read_bytes", lambda file: 1 / 0)
+        assert registry.page("vehicles", limit)["rows"] == rows[:limit], "the report is read once"
+    (registry.folder / "report" / "report.json").write_bytes(orjson.dumps(written | {"vehicles": []}))
+    assert registry.page("vehicles", limit)["rows"] == []
     registry.promote(registry.add(registry.load()))
     done = [(row["action"], row["version"]) for row in registry.page("health", 2)["rows"]]
     assert done == [("promote", "0002"), ("add", "0002")]
