@@ -366,11 +366,8 @@ def float_columns(X: pd.DataFrame) -> dict[str, FloatArray]:
 
 def _squared_exponential(columns: Sequence[FloatArray], points: FloatArray) -> FloatArray:
     """Kernel between rows, given by columns, and points of shape (points, columns)."""
-    distance = np.zeros((len(columns[0]), len(points)))
-    for column, point in zip(columns, points.T, strict=True):
-        difference = column[:, None] - point[None, :]
-        distance += difference * difference
-    return np.asarray(np.exp(-0.5 * distance))
+    squares = ((column[:, None] - point) ** 2 for column, point in zip(columns, points.T, strict=True))
+    return np.asarray(np.exp(-0.5 * sum(squares)))
 
 
 def _inducing_points(z: FloatArray, most: int) -> FloatArray:

@@ -13,11 +13,11 @@ from typing import Any, Final, Self
 import numpy as np
 import numpy.typing as npt
 
-from tripwatt.arrays import BoolArray, FloatArray, IntArray
+from tripwatt.arrays import FloatArray, IntArray
 from tripwatt.errors import Fault, InvalidInput, raise_faults
 
 _DEFAULT_LEFT, _MISSING = 2, 12
-_ZERO_IS_MISSING, _NAN_IS_MISSING = 4, 8
+_ZERO_IS_MISSING = 4
 _FIELDS: Final = ("split_feature", "threshold", "decision", "left", "right", "leaf_value")
 
 
@@ -114,27 +114,24 @@ class TreeTable:
         splits = self.split_feature.shape[1]
         first = splits * np.arange(len(self))[:, None]
         rows, cells = np.arange(len(X)), np.ascontiguousarray(X.T).ravel()
-        with_missing = bool(np.isnan(cells).any() or (self.decision & _ZERO_IS_MISSING).any())
+        missing = self.decision & _MISSING
+        zero_is_missing = missing == _ZERO_IS_MISSING
+        # a missing value goes the default way of its split, and counts as zero at a split that has none
+        left_if_missing = np.where(missing > 0, (self.decision & _DEFAULT_LEFT) > 0, self.threshold >= 0.0)
+        with_missing = bool(np.isnan(cells).any() or zero_is_missing.any())
         node = np.zeros((len(self), len(X)), dtype=np.int64)
         while (inside := node >= 0).any():
             split = first + np.maximum(node, 0)
             value = cells.take(self.split_feature.take(split) * len(X) + rows)
-            goes_left = self._goes_left(value, split) if with_missing else value <= self.threshold.take(split)
+            goes_left = value <= self.threshold.take(split)
+            if with_missing:
+                # LightGBM treats values up to this size as zero
+                absent = np.isnan(value) | (zero_is_missing.take(split) & (np.abs(value) <= 1e-35))
+                goes_left = np.where(absent, left_if_missing.take(split), goes_left)
             node = np.where(inside, np.where(goes_left, self.left.take(split), self.right.take(split)), node)
         # a running sum adds tree after tree; a plain sum may add in pairs
         leaves = (splits + 1) * np.arange(len(self))[:, None] - 1 - node
         return np.asarray(np.cumsum(self.leaf_value.take(leaves), axis=0)[-1])
-
-    def _goes_left(self, value: FloatArray, split: IntArray) -> BoolArray:
-        """Whether values, which may be missing, go to the left at splits, by the rules of LightGBM."""
-        decision = self.decision.take(split)
-        missing = decision & _MISSING
-        unknown = np.isnan(value)
-        value = np.where(unknown & (missing != _NAN_IS_MISSING), 0.0, value)
-        # LightGBM treats values up to this size as zero
-        zero = (missing == _ZERO_IS_MISSING) & (np.abs(value) <= 1e-35)
-        absent = (unknown & (missing == _NAN_IS_MISSING)) | zero
-        return np.where(absent, (decision & _DEFAULT_LEFT) > 0, value <= self.threshold.take(split))
 
 
 def _fields(block: str) -> dict[str, str]:
