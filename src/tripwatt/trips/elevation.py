@@ -115,6 +115,8 @@ def _jumps(time: FloatArray, way: FloatArray, height: FloatArray) -> tuple[IntAr
     rise = np.diff(height)
     # 0.5: largest drift of a height while the car stands
     over = np.abs(rise) - STEEPEST_GRADE * np.diff(way) - 0.5 * np.diff(time)
+    if np.maximum(over, 0.0).sum() <= HEIGHT_NOISE_M:  # of most roads: too little for one jump
+        return np.empty(0, dtype=np.int64), np.empty(0, dtype=np.int64)
     direction = np.where(over > 0.0, np.sign(rise), 0.0)
     edge = np.flatnonzero(np.diff(direction, prepend=0.0, append=0.0))
     jumps = np.diff(running_sum(over)[edge]) > HEIGHT_NOISE_M
