@@ -20,7 +20,7 @@ from tripwatt.errors import Fault, InvalidInput
 from tripwatt.physics import Simulation, simulate_trip
 from tripwatt.physics.battery import usable_energy_wh
 from tripwatt.routes import route_from_links
-from tripwatt.trips import Departure, Flag, Plan, table_of
+from tripwatt.trips import Departure, Flag, Plan
 from tripwatt.trips.messages import message
 from tripwatt.units import GRAVITY_M_S2, M_S_PER_KM_H, SECONDS_PER_HOUR, WH_PER_J
 from tripwatt.vehicles import Vehicle
@@ -185,7 +185,7 @@ class _Driver:
         samples = {"time_s": np.arange(float(len(speed_m_s))), "speed_m_s": speed_m_s}
         if grade:
             samples["grade"] = np.full(len(speed_m_s), grade)
-        return Plan.from_trace("export", table_of(samples), self.departure)
+        return Plan.from_trace("export", samples, self.departure)
 
     def driving_wh(self, trip: Plan) -> tuple[float, Simulation]:
         """Energy of a trip without auxiliaries [Wh], and its simulation."""

@@ -75,5 +75,12 @@ def test_a_trip_has_a_longest_duration_and_most_samples() -> None:
 def test_no_plan_and_no_table_of_bins_takes_any_amount_of_memory() -> None:
     refuses("duration out of range: a: got 172801 s", Plan.from_trace, "a", drive([0.0, 172_801.0]))
     Plan.from_trace("a", drive([0.0, 172_800.0]))
+    columns = {"time_s": np.array([0.0, 172_801.0]), "speed_m_s": np.full(2, 10.0)}
+    refuses("duration out of range: a: got 172801 s", Plan.from_trace, "a", columns)
+    refuses("value out of range", Plan.from_trace, "a", columns | {"speed_m_s": np.full(2, -1.0)})
+    columns["time_s"] = np.array([0.0, 60.0])
+    pd.testing.assert_frame_equal(
+        Plan.from_trace("a", columns).samples, Plan.from_trace("a", drive([0.0, 60.0])).samples
+    )
     with pytest.raises(InvalidInput, match=r"1e.07 s in steps of 1 s; allowed: at most 10000000 steps"):
         bin_means(np.array([0.0, 1e7]), {"speed_m_s": np.zeros(2)}, 1.0)

@@ -14,7 +14,7 @@ from tripwatt.arrays import BoolArray, FloatArray, IntArray, distance_driven
 from tripwatt.errors import Fault, InvalidInput, and_more
 from tripwatt.routes.carried import pause_flags
 from tripwatt.routes.profile import LinkStyle, link_profile
-from tripwatt.trips import COLUMNS, LINK_COLUMNS, Flag, Pause, Plan, Recorded, raise_faults, table_of
+from tripwatt.trips import COLUMNS, LINK_COLUMNS, Flag, Pause, Plan, Recorded, raise_faults
 from tripwatt.trips.gaps import MAX_DURATION_S, MAX_SAMPLES
 
 MAX_LINKS: Final = 200_000
@@ -191,7 +191,7 @@ class LinkRoute:
         length = stretches["length_m"]
         link_m = float(length @ length / length.sum())
         flags = (*route.flags, *pause_flags(route.pauses))
-        plan = Plan.from_trace(trip_id, table_of(columns), link_m=link_m, flags=flags)
+        plan = Plan.from_trace(trip_id, columns, link_m=link_m, flags=flags)
         return replace(plan, step_s=step_s, free_flow=route.free_flow, pauses=route.pauses)
 
 

@@ -17,7 +17,7 @@ from tripwatt.routes.carried import pause_flags
 from tripwatt.routes.links import FASTEST_LINK_M_S, FLAT_ROAD, LinkRoute, link_ends
 from tripwatt.routes.places import heading_along, with_heading
 from tripwatt.routes.points import haversine_m, require_on_earth
-from tripwatt.trips import COLUMNS, Departure, Flag, Pause, Plan, table_of
+from tripwatt.trips import COLUMNS, Departure, Flag, Pause, Plan
 from tripwatt.trips.columns import is_number
 from tripwatt.trips.gaps import MAX_DURATION_S, SHORTEST_GAP_S
 from tripwatt.units import M_S_PER_KM_H
@@ -331,7 +331,7 @@ class Track:
             columns["elevation_m"] = np.interp(at_m, position, height)
         flags += (*_moving_gaps(known_s, driven), *pause_flags(pauses))
         departure = Departure(departs_at=self.started_at)
-        plan = Plan.from_trace(trip_id, table_of(columns), departure, flags=(*self.flags, *flags))
+        plan = Plan.from_trace(trip_id, columns, departure, flags=(*self.flags, *flags))
         heading = heading_along(self.latitude_deg, self.longitude_deg, self.position_m, at_m)
         return replace(plan, step_s=1.0, heading_deg=heading, pauses=pauses)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, Final
 
@@ -17,7 +18,7 @@ from tripwatt.trips.flags import Flag
 from tripwatt.trips.gaps import MAX_DURATION_S, gap_flags, time_faults
 from tripwatt.trips.messages import flag_to_dict, message
 from tripwatt.trips.samples import Sampled, bin_means, columns_of, table_of
-from tripwatt.trips.schema import validate_samples
+from tripwatt.trips.schema import structure_faults, validate_samples, value_faults
 from tripwatt.trips.showing import html_table, journey
 from tripwatt.trips.trip import Recorded
 from tripwatt.trips.weather import PlanWeather
@@ -167,7 +168,7 @@ class Plan(Sampled):
     def from_trace(
         cls,
         trip_id: str,
-        samples: pd.DataFrame,
+        samples: pd.DataFrame | Mapping[str, FloatArray],
         departure: Departure | None = None,
         *,
         link_m: float | None = None,
@@ -179,7 +180,7 @@ class Plan(Sampled):
         ----------
         trip_id : str
             Name of the drive.
-        samples : DataFrame
+        samples : DataFrame or mapping of str to ndarray
             Canonical columns; all but `ROUTE_COLUMNS` are dropped.
         departure : Departure, optional
             What is known at departure.
@@ -206,9 +207,11 @@ class Plan(Sampled):
         >>> list(tw.Plan.from_trace("drive", drive).samples)
         ['time_s', 'speed_m_s']
         """
-        validate_samples(samples, trip_id)
-        names = [name for name in ROUTE_COLUMNS if name in samples.columns]
-        route, more = _sound({name: samples[name].to_numpy(dtype=np.float64) for name in names})
+        if isinstance(samples, pd.DataFrame):
+            raise_faults(structure_faults(samples, trip_id))
+        raise_faults(value_faults(samples, trip_id))
+        names = [name for name in ROUTE_COLUMNS if name in samples]
+        route, more = _sound({name: np.asarray(samples[name], dtype=np.float64) for name in names})
         all_flags = tuple(dict.fromkeys((*flags, *more)))
         return cls(trip_id, table_of(route), departure or Departure(), link_m, all_flags)
 
