@@ -23,11 +23,11 @@ from tools.command import run
 PARTS: Final = ("roads", "server", "fleet", "study", "gamm")
 """Rooms that are a part; all others together are the core. `gamm` is a distribution of its own."""
 BUDGETS: Final[Mapping[str, int]] = {
-    "core": 20_515,
+    "core": 20_448,
     "roads": 4_448,
     "server": 5_986,
     "fleet": 2_977,
-    "study": 4_655,
+    "study": 4_653,
     "gamm": 3_865,
 }
 """Most code lines of each part. They only fall: whoever needs lines finds them first. The fleet may have up to 3,400, for what a manager
