@@ -154,7 +154,7 @@ describe("flags", () => {
     ];
     assert.deepEqual(sentencesOf(flags), [
       "The car cannot follow the speed trace: power limit of the motor for 40 s and lowest battery voltage for 3 min. The forecast assumes the highest speed that the car reaches.",
-      "The trip takes 1.23 kWh more than the battery holds. The battery is empty before the end.",
+      "The trip takes 1.23 kWh more than you have in the battery. The battery is empty before the end.",
       "The battery is too full to recover 1.30 kWh. The friction brakes take it.",
     ]);
     assert.equal(warningsOf(flags.slice(2, 3), wording("en"))[0]?.serious, true);
