@@ -2,7 +2,7 @@
 
 import assert from "node:assert/strict";
 import { describe, test } from "node:test";
-import { errorOf, reasonsOf, trendOf } from "../src/model/diary";
+import { errorOf, reasonsOf, seenIn, trendOf } from "../src/model/diary";
 
 /** Trips of 1 kWh whose forecasts are off by these Wh, the newest first. */
 function trips(...errors: number[]) {
@@ -37,5 +37,12 @@ describe("the diary", () => {
     ];
     assert.deepEqual(reasonsOf(rows, 3), { flat: 1, withoutAir: 1, isYoung: true });
     assert.equal(reasonsOf(rows, 20).isYoung, false);
+  });
+
+  test("a car has seen the temperatures at which any factor was measured", () => {
+    const factor = { change: 0, sd: 1, unit: "1" as const };
+    const seen = (seen_degc: [number, number] | null) => ({ ...factor, seen_degc });
+    assert.deepEqual(seenIn({ air: seen([5, 26]), heating: seen([1, 9]), frost: seen(null) }), [1, 26]);
+    assert.equal(seenIn({ frost: seen(null) }), null);
   });
 });

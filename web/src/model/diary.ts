@@ -1,6 +1,6 @@
 /** How good the forecasts of a car's trips were, and what makes their ranges wide. */
 
-import type { DiaryEntry, OwnCarSummary } from "../api/documents";
+import type { DiaryEntry, OwnCar, OwnCarSummary } from "../api/documents";
 
 /** Most trips of one figure, as the service has it for the last ones. */
 const MOST = 20;
@@ -51,6 +51,12 @@ export function reasonsOf(
     withoutAir: diary.filter((row) => row.ambient_temperature_degc === null).length,
     isYoung: learned < MOST,
   };
+}
+
+/** The outside temperatures at which a car learned anything; null where there are none. */
+export function seenIn(learned: OwnCar["learned"]): [number, number] | null {
+  const seen = Object.values(learned).flatMap(({ seen_degc }) => seen_degc ?? []);
+  return seen.length > 0 ? [Math.min(...seen), Math.max(...seen)] : null;
 }
 
 /** Whether the last trips were forecast better with what the car had learned than without. */

@@ -6,6 +6,10 @@ import type { Forms, Plural } from "./plural";
 
 let count: Plural;
 const each = (forms: Forms) => (number: number) => count(number, forms);
+const tripsText = each({ one: "# Fahrt", other: "# Fahrten" });
+const filesText = each({ one: "# Datei", other: "# Dateien" });
+const stopsText = each({ one: "# Ladestopp", other: "# Ladestopps" });
+const timesText = each({ one: "einmal", other: "#-mal" });
 
 /** The texts; `counting` is a parameter, so that this file shares no code with what a first visit loads. */
 export function german(counting: Plural): Text {
@@ -25,7 +29,7 @@ const de: Text = {
   header: {
     car: "Auto",
     model: "Modell",
-    modelOption: (name, trips) => `${name}, ${count(trips, { one: "# Fahrt", other: "# Fahrten" })}`,
+    modelOption: (name, trips) => `${name}, ${tripsText(trips)}`,
     search: "Auto suchen",
     measured: "mit eigenen Fahrten",
     missing: "Mein Auto fehlt in der Liste: Auto beschreiben …",
@@ -157,7 +161,7 @@ const de: Text = {
       cheapest: "Sparsamster",
       "best effort": "Bestmöglich",
     },
-    stops: each({ one: "# Ladestopp", other: "# Ladestopps" }),
+    stops: stopsText,
     chargeFor: (arrival, leave, time) => `${arrival} bis ${leave} in ${time}`,
     here: "Sie sind hier",
     arriveThere: (range) => `Ankunft dort mit ${range}`,
@@ -359,7 +363,7 @@ const de: Text = {
     arrivesBack: "Sie schaffen es hin und zurück",
     probably: "Sie kommen wahrscheinlich an",
     probablyBack: "Sie schaffen es wahrscheinlich hin und zurück",
-    withStops: (stops) => `, mit ${count(stops, { one: "# Ladestopp", other: "# Ladestopps" })}`,
+    withStops: (stops) => `, mit ${stopsText(stops)}`,
     hereFirst: "Erst hier laden, dann kommen Sie an",
     thereFirst: (far) => `Nach ${far} laden, dann kommen Sie an`,
     belowReserve: "Sie kommen an, aber vielleicht unter der Reserve",
@@ -433,8 +437,7 @@ const de: Text = {
     arrives: (soc, chance) => `Ankunft mit ${soc}, mit der Reserve bei ${chance}`,
     noTime: "kostet keine Zeit",
     wall: (energy) => `braucht ${energy} aus der Steckdose`,
-    whole: (time, stops, change) =>
-      `die Fahrt dauert dann ${time} mit ${count(stops, { one: "# Ladestopp", other: "# Ladestopps" })}, ${change}`,
+    whole: (time, stops, change) => `die Fahrt dauert dann ${time} mit ${stopsText(stops)}, ${change}`,
     asLong: "etwa so lang wie jetzt",
     why: "Woher das kommt",
     whyCaption: "Was sich ändert, nach Ursachen; die Summe der Teile ist die Ersparnis",
@@ -661,7 +664,7 @@ const de: Text = {
     sending: each({ one: "# Datei wird gesendet …", other: "# Dateien werden gesendet …" }),
     reading: each({ one: "# Datei wird gelesen …", other: "# Dateien werden gelesen …" }),
     files: "Dateien",
-    summary: (files, parts) => `${count(files, { one: "# Datei", other: "# Dateien" })}: ${parts}`,
+    summary: (files, parts) => `${filesText(files)}: ${parts}`,
     groups: {
       out: each({ one: "# Datei ist nicht lesbar", other: "# Dateien sind nicht lesbar" }),
       way: each({ one: "# Datei unterwegs", other: "# Dateien unterwegs" }),
@@ -686,8 +689,7 @@ const de: Text = {
       one: "Die # nicht lesbare Datei auslassen",
       other: "Die # nicht lesbaren Dateien auslassen",
     }),
-    kind: (files, logger) =>
-      `${count(files, { one: "# Datei", other: "# Dateien" })} mit diesen Spalten${logger ? ` (${logger})` : ""}`,
+    kind: (files, logger) => `${filesText(files)} mit diesen Spalten${logger ? ` (${logger})` : ""}`,
     toCheck: "· bitte prüfen",
     knownLogger: "Das sind die Spalten dieses Loggers. Bitte korrigieren, was nicht stimmt.",
     proposed: "Vorgeschlagen nach Namen und Werten der Spalten. Bitte korrigieren, was nicht stimmt.",
@@ -710,10 +712,8 @@ const de: Text = {
     ofLogs: (trips, logs) => `${trips} aus ${count(logs, { one: "# Log", other: "# Logs" })}`,
     dates: "Datum",
     lost: (distance, time) => `Nicht verwendet: ${distance} und ${time} der Fahrten`,
-    inTrips: (times, trips) =>
-      `${count(times, { one: "einmal", other: "#-mal" })} in ${count(trips, { one: "# Fahrt", other: "# Fahrten" })}`,
-    inFiles: (times, files) =>
-      `${count(times, { one: "einmal", other: "#-mal" })} in ${count(files, { one: "# Datei", other: "# Dateien" })}`,
+    inTrips: (times, trips) => `${timesText(times)} in ${tripsText(trips)}`,
+    inFiles: (times, files) => `${timesText(times)} in ${filesText(files)}`,
     consequences: {
       trimmed: "Teil abgeschnitten",
       split: "in Fahrten geteilt",
@@ -731,7 +731,7 @@ const de: Text = {
       `${count(trips, { one: "# davon hat", other: "# davon haben" })} keine Höhen: Schalten Sie für bessere Prognosen die Höhe in der App ein, die aufzeichnet.`,
     nothingYet: "Noch keine eigenen Fahrten: Prognosen aus veröffentlichten Werten.",
     learnedFrom: each({ one: "Aus # Fahrt gelernt", other: "Aus # Fahrten gelernt" }),
-    noGain: "Sie verbessern die Prognose noch nicht; fügen Sie längere hinzu.",
+    noGain: "Die Prognosen nutzen sie, aber sie helfen noch nicht; fügen Sie längere hinzu.",
     taught: "Was seine Fahrten zeigen",
     factor: "Faktor",
     differs: "Gegenüber dem Katalogfahrzeug",
@@ -771,18 +771,18 @@ const de: Text = {
     },
     errorOfLast: each({ one: "Fehler der letzten Fahrt", other: "Fehler der letzten # Fahrten" }),
     withoutTrips: (error, gain) => `${error} ohne eigene Fahrten. ${gain}`,
-    errorBefore: (trips, now, before, falls) =>
-      `Die letzten ${trips}: ${now}, die ${trips} davor: ${before}. Der Fehler sinkt${falls ? "" : " nicht"}.`,
+    errorBefore: (trips, now, before) => `Die letzten ${trips}: ${now}, die ${trips} davor: ${before}.`,
     whyWide: "Warum der Bereich breit ist und was hilft",
     withoutHeights: (trips, of) =>
-      `${trips} von ${count(of, { one: "# Fahrt", other: "# Fahrten" })} ohne Höhen: Schalten Sie in der App, die aufzeichnet, die Höhe ein.`,
+      `${trips} von ${tripsText(of)} ohne Höhen: Schalten Sie in der App, die aufzeichnet, die Höhe ein.`,
     withoutAir: (trips, of) =>
-      `${trips} von ${count(of, { one: "# Fahrt", other: "# Fahrten" })} ohne Außentemperatur: Schalten Sie sie in der App ein, die aufzeichnet.`,
+      `${trips} von ${tripsText(of)} ohne Außentemperatur: Schalten Sie sie in der App ein, die aufzeichnet.`,
     young: (trips) =>
-      `Erst ${count(trips, { one: "# Fahrt", other: "# Fahrten" })}: Mit jeder weiteren wird der Bereich schmaler, am meisten bei neuen Temperaturen.`,
+      `Erst ${tripsText(trips)}: Mit jeder weiteren wird der Bereich schmaler, am meisten bei neuen Temperaturen.`,
     diary: "Tagebuch",
     score: (error, inside, trips, width, needed) =>
-      `Für jede Fahrt wurde die Prognose gestellt, bevor aus ihr gelernt wurde: Fehler ${error}, ${inside} von ${count(trips, { one: "# Fahrt", other: "# Fahrten" })} im 90-%-Bereich. Der Bereich war ${width} der Energie breit; ${needed} hätten für 90 % der Fahrten gereicht (Klammern im Bild).`,
+      `Für jede Fahrt wurde die Prognose gestellt, bevor aus ihr gelernt wurde: Fehler ${error}, ${inside} von ${tripsText(trips)} im 90-%-Bereich. Der Bereich war ${width} der Energie breit${needed && `; ${needed} hätten für 90 % der Fahrten gereicht`}.`,
+    brackets: "Die Klammern im Bild zeigen es.",
     trips: "Fahrten",
     forecast: "Prognose (90 %), kWh",
     picture: "Bild",

@@ -6,6 +6,10 @@ import { type Forms, pluralOf } from "./plural";
 
 const count = pluralOf("en");
 const each = (forms: Forms) => (number: number) => count(number, forms);
+const tripsText = each({ one: "# trip", other: "# trips" });
+const filesText = each({ one: "# file", other: "# files" });
+const stopsText = each({ one: "# charging stop", other: "# charging stops" });
+const timesText = each({ one: "once", other: "# times" });
 
 export const en = {
   document: {
@@ -19,8 +23,7 @@ export const en = {
   header: {
     car: "Car",
     model: "Model",
-    modelOption: (name: string, trips: number) =>
-      `${name}, ${count(trips, { one: "# trip", other: "# trips" })}`,
+    modelOption: (name: string, trips: number) => `${name}, ${tripsText(trips)}`,
     search: "Search for a car",
     measured: "with its own trips",
     missing: "My car is not in the list: describe it …",
@@ -352,8 +355,7 @@ export const en = {
     arrivesBack: "You will get there and back",
     probably: "You will probably arrive",
     probablyBack: "You will probably get there and back",
-    withStops: (stops: number) =>
-      `, with ${count(stops, { one: "# charging stop", other: "# charging stops" })}`,
+    withStops: (stops: number) => `, with ${stopsText(stops)}`,
     hereFirst: "Charge here first, then you will arrive",
     thereFirst: (far: string) => `Drive ${far} to charge, then you will arrive`,
     belowReserve: "You will arrive, but perhaps below the reserve",
@@ -428,7 +430,7 @@ export const en = {
     noTime: "takes no time",
     wall: (energy: string) => `uses ${energy} from the socket`,
     whole: (time: string, stops: number, change: string) =>
-      `the journey then takes ${time} with ${count(stops, { one: "# charging stop", other: "# charging stops" })}, ${change}`,
+      `the journey then takes ${time} with ${stopsText(stops)}, ${change}`,
     asLong: "about as long as now",
     why: "Where it comes from",
     whyCaption: "What changes, by cause; the parts add up to the saving",
@@ -658,8 +660,7 @@ export const en = {
     sending: each({ one: "Sending # file …", other: "Sending # files …" }),
     reading: each({ one: "Reading # file …", other: "Reading # files …" }),
     files: "Files",
-    summary: (files: number, parts: string) =>
-      `${count(files, { one: "# file", other: "# files" })}: ${parts}`,
+    summary: (files: number, parts: string) => `${filesText(files)}: ${parts}`,
     groups: {
       out: each({ one: "# file cannot be read", other: "# files cannot be read" }),
       way: each({ one: "# file on its way", other: "# files on their way" }),
@@ -685,7 +686,7 @@ export const en = {
       other: "Leave out the # files that cannot be read",
     }),
     kind: (files: number, logger: string | null) =>
-      `${count(files, { one: "# file", other: "# files" })} with these columns${logger ? ` (${logger})` : ""}`,
+      `${filesText(files)} with these columns${logger ? ` (${logger})` : ""}`,
     toCheck: "· please check",
     knownLogger: "These are the columns of this logger. Correct what is wrong.",
     proposed: "Proposed from the names and the values of the columns. Correct what is wrong.",
@@ -710,10 +711,8 @@ export const en = {
       `${trips} from ${count(logs, { one: "# log", other: "# logs" })}`,
     dates: "Dates",
     lost: (far: string, time: string) => `Not used: ${far} and ${time} of the trips`,
-    inTrips: (times: number, trips: number) =>
-      `${count(times, { one: "once", other: "# times" })} in ${count(trips, { one: "# trip", other: "# trips" })}`,
-    inFiles: (times: number, files: number) =>
-      `${count(times, { one: "once", other: "# times" })} in ${count(files, { one: "# file", other: "# files" })}`,
+    inTrips: (times: number, trips: number) => `${timesText(times)} in ${tripsText(trips)}`,
+    inFiles: (times: number, files: number) => `${timesText(times)} in ${filesText(files)}`,
     consequences: {
       trimmed: "part cut off",
       split: "split into trips",
@@ -731,7 +730,7 @@ export const en = {
       `${count(trips, { one: "# of them has", other: "# of them have" })} no heights: switch on the altitude in the logging app for better forecasts.`,
     nothingYet: "No own trips yet: forecasts from published values.",
     learnedFrom: each({ one: "Learned from # trip", other: "Learned from # trips" }),
-    noGain: "They do not improve the forecast yet; add longer trips.",
+    noGain: "The forecasts use them, but they do not help yet; add longer trips.",
     taught: "What its trips show",
     factor: "Factor",
     differs: "Compared with the catalogue car",
@@ -771,18 +770,19 @@ export const en = {
     },
     errorOfLast: each({ one: "Error of the last trip", other: "Error of the last # trips" }),
     withoutTrips: (error: string, gain: string) => `${error} without its own trips. ${gain}`,
-    errorBefore: (trips: number, now: string, before: string, falls: boolean) =>
-      `The last ${trips}: ${now}, the ${trips} before: ${before}. The error ${falls ? "falls" : "does not fall"}.`,
+    errorBefore: (trips: number, now: string, before: string) =>
+      `The last ${trips}: ${now}, the ${trips} before: ${before}.`,
     whyWide: "Why the range is wide, and what helps",
     withoutHeights: (trips: number, of: number) =>
-      `${trips} of ${count(of, { one: "# trip", other: "# trips" })} without heights: switch on the altitude in the app that logs.`,
+      `${trips} of ${tripsText(of)} without heights: switch on the altitude in the app that logs.`,
     withoutAir: (trips: number, of: number) =>
-      `${trips} of ${count(of, { one: "# trip", other: "# trips" })} without outside temperature: switch it on in the app that logs.`,
+      `${trips} of ${tripsText(of)} without outside temperature: switch it on in the app that logs.`,
     young: (trips: number) =>
       `${count(trips, { one: "Only # trip", other: "Only # trips" })} so far: the range narrows with each one, and most at temperatures that are new.`,
     diary: "Diary",
     score: (error: string, inside: number, trips: number, width: string, needed: string) =>
-      `Each trip was forecast before it was learned: error ${error}, ${inside} of ${count(trips, { one: "# trip", other: "# trips" })} inside the 90 % range. The range was ${width} of the energy wide; ${needed} would have been enough for 90 % of the trips (brackets in the picture).`,
+      `Each trip was forecast before it was learned: error ${error}, ${inside} of ${tripsText(trips)} inside the 90 % range. The range was ${width} of the energy wide${needed && `; ${needed} would have been enough for 90 % of the trips`}.`,
+    brackets: "The brackets in the picture show it.",
     trips: "Trips",
     forecast: "Forecast (90 %), kWh",
     picture: "Picture",

@@ -1,7 +1,7 @@
 /** What a car has learned, before and after, and its diary: each trip as it was forecast, and what it took. */
 
 import type { DiaryEntry, OwnCar } from "../api/documents";
-import { isBetter, reasonsOf, type Trend, trendOf } from "../model/diary";
+import { isBetter, reasonsOf, seenIn, type Trend, trendOf } from "../model/diary";
 import { ENERGY, PERCENT } from "../model/units";
 import { format, text, units } from "../state/preferences";
 import { DataTable } from "./data-table";
@@ -48,7 +48,7 @@ function Learned({ of }: { of: OwnCar }) {
     seen_degc !== null && Math.abs(change) >= MIN_SHOWN * sd;
   const shown = factors.filter(([, factor]) => isShown(factor));
   const others = factors.filter(([, factor]) => !isShown(factor));
-  const seen = factors.flatMap(([, { seen_degc }]) => seen_degc ?? []);
+  const seen = seenIn(of.learned);
   const counts = Object.entries(of.experts).map(
     ([name, weight]) => `${words.experts[name as keyof typeof words.experts]} ${percent(weight, 0)}`,
   );
@@ -61,9 +61,7 @@ function Learned({ of }: { of: OwnCar }) {
   );
   return (
     <>
-      {seen.length > 0 && (
-        <p>{words.seen(rangeWithUnit([Math.min(...seen), Math.max(...seen)], units.value.temperature))}</p>
-      )}
+      {seen && <p>{words.seen(rangeWithUnit(seen, units.value.temperature))}</p>}
       {shown.length > 0 && table(words.taught, shown)}
       {others.length > 0 && (
         <Fold title={words.otherFactors(others.length)}>
@@ -240,7 +238,7 @@ function Line({ of: { course } }: { of: Trend }) {
   );
 }
 
-/** What the own trips gain: the error of the last ones with them and without them, and whether it falls. */
+/** What the own trips gain: the error of the last ones with them and without them, and of those before. */
 function Gain({ of }: { of: OwnCar }) {
   const { latest, latest_by_book: book, diary } = of;
   const { ownCars: words } = text.value;
@@ -260,7 +258,7 @@ function Gain({ of }: { of: OwnCar }) {
       </p>
       {trend.course.length > 1 && <Line of={trend} />}
       {before !== null && now !== null && (
-        <p class="range note">{words.errorBefore(trips, percent(now), percent(before), now < before)}</p>
+        <p class="range note">{words.errorBefore(trips, percent(now), percent(before))}</p>
       )}
     </div>
   );
@@ -339,8 +337,9 @@ export function OwnCarDiary({ of }: { of: OwnCar }) {
               score.inside,
               score.trips,
               percent(score.width),
-              percent(score.needed_width),
-            )}
+              score.needed_width === null ? "" : percent(score.needed_width),
+            )}{" "}
+            {score.needed_width !== null && <span class="of-picture">{words.brackets}</span>}
           </p>
           <Trips of={of} />
           <Seasons of={of} />
