@@ -70,17 +70,8 @@ export const logFiles = computed<LogFile[]>(() => {
   const chosen = now.chosen.map((one, k): LogFile => {
     const isOut = one.state === "out" || one.state === "ignored";
     const group = isOut ? "out" : "way";
-    const { file, state, faults } = one;
-    return {
-      key: `${k} ${file.name}`,
-      name: file.name,
-      state,
-      group,
-      rows: 0,
-      rows_used: 0,
-      faults,
-      chosen: one,
-    };
+    const { name } = one.file;
+    return { ...one, key: `${k} ${name}`, name, group, rows: 0, rows_used: 0, chosen: one };
   });
   const read = (now.read?.files ?? []).map((document): LogFile => {
     const known = now.used.get(document.name) ?? document;

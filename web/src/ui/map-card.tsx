@@ -277,13 +277,10 @@ function Legend() {
   const { map: words, journey: others } = text.value;
   const { avoid, networks } = choice.value;
   const keys = [
-    ...(shownJourney()
-      ? [
-          ["key-low", others.low],
-          ["key-usual", others.usual],
-          ["key-high", others.high],
-        ]
-      : []),
+    ...(shownJourney() ? (["low", "usual", "high"] as const) : []).map((level) => [
+      `key-${level}`,
+      others[level],
+    ]),
     ...(shownJourney() && !chargingPlan.value && (journey.value?.roads.length ?? 0) > 1
       ? [["key-road", words.otherRoad]]
       : []),

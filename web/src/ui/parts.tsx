@@ -2,7 +2,7 @@
 
 import type { Signal } from "@preact/signals";
 import type { ButtonHTMLAttributes, ComponentChildren, TargetedSubmitEvent } from "preact";
-import { useEffect, useRef } from "preact/hooks";
+import { type Inputs, useEffect, useRef, useState } from "preact/hooks";
 import { Icon, type IconName } from "./icons";
 
 /** A handler that puts what is chosen into a signal. */
@@ -125,4 +125,17 @@ export function useModal(isOpen: boolean) {
     else dialog.current?.close();
   }, [isOpen]);
   return dialog;
+}
+
+/** What is asked for; null until it is there, and where it fails. */
+export function useAsked<T>(ask: () => Promise<T | null>, inputs: Inputs): T | null {
+  const [given, setGiven] = useState<T | null>(null);
+  useEffect(() => {
+    let isLatest = true;
+    void ask()
+      .catch(() => null)
+      .then((answer) => isLatest && setGiven(answer));
+    return () => void (isLatest = false);
+  }, inputs);
+  return given;
 }
