@@ -288,13 +288,6 @@ const de: Text = {
     logged: "Wie aufgezeichnet",
     unknown: "Unbekannt",
   },
-  settings: {
-    cabin_setpoint_degc: { label: "Innenraum", inSentence: "Innenraumtemperatur" },
-    ambient_temperature_degc: { label: "Außen", inSentence: "Außentemperatur" },
-    payload_mass_kg: { label: "Zuladung", inSentence: "Zuladung" },
-    soc: { label: "Ladestand bei Abfahrt", inSentence: "Ladestand bei Abfahrt" },
-    motorwayMS: { label: "Autobahntempo", inSentence: "Autobahntempo" },
-  },
   result: {
     title: "Prognose",
     mode: "Modus",

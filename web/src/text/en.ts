@@ -228,7 +228,8 @@ export const en = {
   conditions: {
     title: "Conditions",
     reset: "Reset",
-    compared: (setting: string) => `For the first forecast. In the second, only ${setting} is different.`,
+    compared: (setting: string) =>
+      `For the first forecast. In the second, only this is different: ${setting}.`,
     limitMotorway: "Limit motorway speed",
     more: "Weather and extras",
     fields: {
@@ -279,13 +280,6 @@ export const en = {
     garage: (temperature: string) => `Garage, ${temperature}`,
     logged: "As logged",
     unknown: "Unknown",
-  },
-  settings: {
-    cabin_setpoint_degc: { label: "Cabin", inSentence: "the cabin temperature" },
-    ambient_temperature_degc: { label: "Outside", inSentence: "the outside temperature" },
-    payload_mass_kg: { label: "Load", inSentence: "the load" },
-    soc: { label: "Battery at departure", inSentence: "the battery charge at departure" },
-    motorwayMS: { label: "Motorway speed", inSentence: "the motorway speed" },
   },
   result: {
     title: "Forecast",

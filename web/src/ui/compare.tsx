@@ -49,7 +49,7 @@ function compareBy(setting: Other["setting"]): void {
 
 export function CompareControls() {
   const { setting, value } = other.value;
-  const { compare, settings } = text.value;
+  const { compare, conditions: words } = text.value;
   return (
     <div class="compare-controls">
       <div class="questions">
@@ -60,7 +60,7 @@ export function CompareControls() {
           const [first = "", second = ""] = sides.map((si) => format.value.figure(quantity.from(si), 0));
           return (
             <button key={name} type="button" aria-pressed={name === setting} onClick={() => compareBy(name)}>
-              {settings[name].label}{" "}
+              {words.fields[name]}{" "}
               <span class="figures">{`${compare.or(first, second)}\u00a0${quantity.unit}`}</span>
             </button>
           );
@@ -68,7 +68,7 @@ export function CompareControls() {
       </div>
       <Slider
         setting={setting}
-        label={compare.second(settings[setting].label)}
+        label={compare.second(words.fields[setting])}
         value={value}
         onChange={(si) => {
           other.value = { setting, value: si };
@@ -147,8 +147,8 @@ export function CompareLine({ first, second }: { first: Forecast; second: Foreca
   const { setting, value } = requested.value.other;
   const { quantity } = settingOf(setting);
   const { shown } = format.value;
-  const { compare, settings } = text.value;
-  const { label } = settings[setting];
+  const { compare, conditions: words } = text.value;
+  const label = words.fields[setting];
   const [one, two] = wholes.value ?? [];
   const at = requested.value.at[setting];
   const names: [string, string] = [

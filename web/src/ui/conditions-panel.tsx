@@ -214,7 +214,7 @@ function Departs() {
 
 export function ConditionsPanel() {
   const now = conditions.value;
-  const { conditions: words, settings } = text.value;
+  const { conditions: words } = text.value;
   const start = trip.value?.start;
   const charges = source.value === "journey" && (map.value?.stations ?? 0) > 0;
   const byServer = now.weatherOfHour && source.value === "journey";
@@ -235,9 +235,7 @@ export function ConditionsPanel() {
         <IconButton icon="close" class="quiet shut" label={words.shut} onClick={put(panelIsOpen, false)} />
       </div>
       <Departs />
-      {mode.value === "compare" && (
-        <p class="note">{words.compared(settings[other.value.setting].inSentence)}</p>
-      )}
+      {mode.value === "compare" && <p class="note">{words.compared(words.fields[other.value.setting])}</p>}
       {SLIDERS.filter((name) => !isGiven(name)).map((setting) => (
         <Slider
           key={setting}
