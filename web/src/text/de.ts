@@ -31,7 +31,7 @@ const de: Text = {
     model: "Modell",
     modelOption: (name, trips) => `${name}, ${tripsText(trips)}`,
     search: "Auto suchen",
-    measured: "mit eigenen Fahrten",
+    measured: "aus Fahrten eines Testwagens",
     missing: "Mein Auto fehlt in der Liste: Auto beschreiben …",
     settings: "Einheiten, Sprache und Darstellung",
     units: "Einheiten",

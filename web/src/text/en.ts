@@ -25,7 +25,7 @@ export const en = {
     model: "Model",
     modelOption: (name: string, trips: number) => `${name}, ${tripsText(trips)}`,
     search: "Search for a car",
-    measured: "with its own trips",
+    measured: "from trips of a test car",
     missing: "My car is not in the list: describe it …",
     settings: "Units, language and theme",
     units: "Units",
