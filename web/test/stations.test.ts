@@ -3,7 +3,7 @@
 import assert from "node:assert/strict";
 import { describe, test } from "node:test";
 import { groupsOf, type Lean, leansOf, numbersText, type Pixel, PIN_PX } from "../src/model/pins";
-import { bestPlace, isPreferred, isSame, networkOf } from "../src/model/stations";
+import { bestPlace, isPreferred, isSame, leadsElsewhere, networkOf } from "../src/model/stations";
 
 function at(longitude_deg: number, latitude_deg = 0) {
   return { latitude_deg, longitude_deg };
@@ -21,6 +21,16 @@ describe("stations", () => {
       [-1, 0.4, 1.6, 3].map((x) => bestPlace(places, at(x))),
       [1, 1, 2, 2],
     );
+  });
+
+  test("are others where one plan charges and another one does not", () => {
+    const [near, far, both] = [[0], [1], [0, 1]].map((xs) => ({
+      stops: xs.map((x) => ({ station: at(x) })),
+    }));
+    assert.ok(near && far && both);
+    assert.ok(leadsElsewhere(near, [near, far]));
+    assert.ok(!leadsElsewhere(both, [near, both, far]));
+    assert.ok(!leadsElsewhere(near, []));
   });
 
   test("have a network where another one begins with the same words", () => {

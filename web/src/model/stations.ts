@@ -25,6 +25,16 @@ export function isSame(one: Position, other: Position): boolean {
   return metresBetween(one, other) <= SAME_M;
 }
 
+interface Stopping {
+  stops: readonly { station: Position }[];
+}
+
+/** Whether one of the plans charges at a station where `plan` does not. */
+export function leadsElsewhere(plan: Stopping | null, plans: readonly Stopping[]): boolean {
+  const isOfPlan = (one: Position) => plan?.stops.some(({ station }) => isSame(station, one));
+  return plans.some(({ stops }) => !stops.every(({ station }) => isOfPlan(station)));
+}
+
 /** A station as a place on the way; `unnamed` is the name of one that has none. */
 export function placeOfStation({ name, latitude_deg, longitude_deg }: Station, unnamed: string): Place {
   const about = { kind: STATION_KIND, context: "", also_called: "" };

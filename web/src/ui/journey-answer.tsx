@@ -1,7 +1,7 @@
 import type { ChargingPlan, Journey, Road, Stop } from "../api/documents";
 import { hundredthsOf, verdictOf } from "../model/arrival";
 import { BELOW } from "../model/answer";
-import { HERE_M } from "../model/stations";
+import { HERE_M, leadsElsewhere } from "../model/stations";
 import { ENERGY, PERCENT } from "../model/units";
 import { chargingPlan, clock, isOfOtherPlaces } from "../state/answer";
 import { chooseRoad, requested } from "../state/forecast";
@@ -161,7 +161,7 @@ function StopRow({ of, isTold }: { of: Stop; isTold: boolean }) {
               full.more_s < MINUTE_S ? words.sameTime : words.longer(duration(full.more_s)),
               chanceInFigures(full.p_reach),
             )
-          : words.noneIfFull}
+          : !leadsElsewhere(chargingPlan.value, chargingPlans.value) && words.noOther}
       </p>
       <StationActions of={station} />
     </li>

@@ -1,13 +1,13 @@
 /** The first thing that a driver reads: whether the trip arrives, with what, when, and what to do. */
 
 import { computed } from "@preact/signals";
-import { useEffect, useState } from "preact/hooks";
-import type { ChargingPlan, Forecast, Place, Station, Stop } from "../api/documents";
+import { getCar } from "../api/client";
+import type { ChargingPlan, Forecast, OwnCarSummary, Place, Station, Stop } from "../api/documents";
 import { type Answer, BELOW, decisiveChance, isDoubtful, verdictOfAnswer } from "../model/answer";
-import { emptyAfterM, socFromEnergy, type Verdict } from "../model/arrival";
-import { isBetter } from "../model/diary";
+import { chanceOf, emptyAfterM, socFromEnergy, type Verdict } from "../model/arrival";
+import { isBetter, seenIn } from "../model/diary";
 import { warningsOf } from "../model/flags";
-import { HERE_M } from "../model/stations";
+import { HERE_M, leadsElsewhere } from "../model/stations";
 import { ENERGY, PERCENT } from "../model/units";
 import { source } from "../state/catalogue";
 import { car } from "../state/car";
@@ -26,6 +26,7 @@ import { arrived, driving, shownForecast } from "../state/drive";
 import { alternative, leaving, leavingIsOld, mode, problem, requested } from "../state/forecast";
 import {
   answersAreOld,
+  askJourney,
   chargingPlans,
   chosenCharging,
   chosenRoad,
@@ -35,14 +36,14 @@ import {
 } from "../state/journey";
 import { ownCars } from "../state/own-cars";
 import { format, text, units } from "../state/preferences";
-import { trip } from "../state/trip";
+import { journeyRequest, type Trip, trip } from "../state/trip";
 import { togetherText } from "./advice";
 import { Chance } from "./chance";
 import { Climb } from "./climb";
 import { CompareLine } from "./compare";
 import { Failure, Waiting } from "./failure";
 import { NeedAnswer, needSentence, needVerdict } from "./need";
-import { Button, put, Stat } from "./parts";
+import { Button, put, Stat, useAsked } from "./parts";
 import { ShareTools } from "./share";
 import { Warnings } from "./warnings";
 import { chanceInFigures, chargerParts, clockParts, range, rangeWithUnit, upwards } from "./wording";
@@ -64,6 +65,8 @@ const NEAR_M = 10_000;
 
 /** A smaller charge is 0 % as it is shown. */
 const SHOWN_SOC = 0.005;
+/** A station that is nearer than this is said to be here [m]. */
+const HEREABOUTS_M = 1000;
 /** Less charge to leave with is told from this on. */
 const FEW_SOC = 0.05;
 
@@ -96,7 +99,10 @@ function sentence(now: Answer): string {
   if (shownVerdict(now) === "good") return (isRound ? words.arrivesBack : words.arrives) + stops;
   const probably = (isRound ? words.probablyBack : words.probably) + stops;
   if (reasonOfJourney() === HEIGHTS) return probably;
-  if (now.pArrive >= OPEN[1]) return words.belowReserve;
+  if (now.pArrive >= OPEN[1])
+    return chargingPlan.value?.stops.some(({ p_reach }) => p_reach < OPEN[1])
+      ? words.stopBelowReserve(now.charges)
+      : words.belowReserve;
   if (decisiveChance(now) >= PROBABLE) return probably;
   if (decisiveChance(now) >= 0.5) return words.perhaps;
   if (now.pArrive >= 0.5) return words.mostlyBelow;
@@ -138,7 +144,10 @@ function Whole({ now, isEmpty }: { now: Answer; isEmpty: boolean }) {
   const [time, day] = at ? clockParts(at.arrives, at.isNow ? at.leaves : new Date()) : [];
   const pluggedS = now.chargingS - now.overheadS;
   const km = shown(now.distanceM, units.value.distance, now.distanceM < 100_000 ? 1 : 0);
-  const pause = turn.value?.pauseS ? words.ofItPause(duration(turn.value.pauseS)) : km;
+  const parts = [
+    turn.value?.pauseS && words.ofItPause(duration(turn.value.pauseS)),
+    now.chargingS > 0 && words.ofItCharging(duration(pluggedS), duration(now.overheadS)),
+  ].filter(Boolean);
   return (
     <dl class="whole">
       {at && !isEmpty && (
@@ -150,13 +159,11 @@ function Whole({ now, isEmpty }: { now: Answer; isEmpty: boolean }) {
       )}
       <Stat label={isLookingForStops.value ? words.drivingAlone : words.duration}>
         {duration(now.drivingS + now.chargingS)}
-        <small>
-          {now.chargingS > 0 ? words.ofItCharging(duration(pluggedS), duration(now.overheadS)) : pause}
-        </small>
+        <small>{parts.join(", ") || km}</small>
       </Stat>
       <Stat label={result.energy}>
         {shown(now.energyWh, ENERGY)}
-        {now.chargingS > 0 && <small>{km}</small>}
+        {parts.length > 0 && <small>{km}</small>}
       </Stat>
     </dl>
   );
@@ -221,11 +228,13 @@ function leaveText(needed: number, of: Forecast, isLow: boolean): string {
   if (chargingPlan.value) return words.leaveWithout(upwards(needed));
   if (needed > 1) return words.notEnough;
   if (needed <= 0) return words.anyCharge(left);
-  if (isStuck.value) return words.chargeFirst(upwards(needed), isLow);
+  const full = shown(1, PERCENT);
+  const least = upwards(needed) === full ? full : words.orMore(upwards(needed));
+  if (isStuck.value) return words.chargeFirst(least, isLow);
   const isAll = upwards(needed) === upwards(now);
   if (isAll || (needed < now && now - needed < FEW_SOC)) return words.justEnough(upwards(now), !isAll);
   const expected = shown(Math.max(needed - now + socFromEnergy(of, of.energy_wh), 0), PERCENT);
-  return words.leaveWith(upwards(needed), expected, left);
+  return words.leaveWith(least, expected, left);
 }
 
 /** Whether the trip does not arrive, and no charging stop helps. */
@@ -272,7 +281,8 @@ function StopText({ of, fromM }: { of: Stop; fromM: number }) {
 }
 
 /** The first charging stop, with the others behind it, and the plan that has fewer of them. */
-function Stops({ of: { stops, duration_s } }: { of: ChargingPlan }) {
+function Stops({ of }: { of: ChargingPlan }) {
+  const { stops, duration_s } = of;
   const [first, ...others] = stops;
   const { journey: words } = text.value;
   const plans = chargingPlans.value;
@@ -287,7 +297,8 @@ function Stops({ of: { stops, duration_s } }: { of: ChargingPlan }) {
         first.position_m >= HERE_M &&
         ` ${words.reachedAtAll(chanceInFigures(first.p_reach), rangeWithUnit(first.soc_interval, PERCENT))}`}
       {isRescue && charger && ` ${charger}.`}
-      {!first.if_full && ` ${words.noOther}`}
+      {isRescue && first.p_reach < OPEN[1] && !advice.value?.singly.length && ` ${words.driveGently}`}
+      {!first.if_full && !leadsElsewhere(of, plans) && ` ${words.noOther}`}
       {others.length > 0 && (
         <details>
           <summary>{words.moreStops(others.length)}</summary>
@@ -314,21 +325,27 @@ function Stops({ of: { stops, duration_s } }: { of: ChargingPlan }) {
   );
 }
 
-/** That no charging stop helps, and which station is the nearest. */
-function NoStop({ from }: { from: Place }) {
-  const [nearest, setNearest] = useState<Awaited<ReturnType<typeof nearestStation>>>(null);
-  useEffect(() => void nearestStation(from).then(setNearest), [from]);
+/** That no charging stop helps, which station is the nearest, and how far a full battery helps where it `isShort`. */
+function NoStop({ of, from, isShort }: { of: Trip; from: Place; isShort: boolean }) {
+  const nearest = useAsked(() => nearestStation(from), [from]);
+  const at = { ...conditions.value, soc: 1 };
+  const body = JSON.stringify(isShort && journeyRequest(of, at, car.value));
+  const full = useAsked(async () => (isShort ? askJourney(JSON.parse(body), false) : null), [body]);
+  const [road] = full?.roads ?? [];
+  const chance = road ? chanceOf(road.forecast, at.reserve) : null;
   const { journey: words } = text.value;
-  if (map.value?.stations === 0) return <>{words.noStations}</>;
+  const isHere = nearest !== null && nearest.farM < HEREABOUTS_M;
   return (
     <>
-      {words.noStopHelps}{" "}
+      {map.value?.stations === 0 ? words.noStations : words.noStopHelps}{" "}
       {nearest && (
         <>
-          {words.nearest} <StationLink of={nearest.of} />
-          {words.straight(farText(nearest.farM))}
+          {isHere ? words.stationHere : words.nearest} <StationLink of={nearest.of} />
+          {isHere ? words.chargeThere : words.straight(farText(nearest.farM))}{" "}
         </>
       )}
+      {chance !== null &&
+        words.evenFull(format.value.shown(1, PERCENT), chanceInFigures(chance), chance < 0.01)}
     </>
   );
 }
@@ -347,14 +364,16 @@ function ToDo({ of }: { of: Forecast }) {
   const { reserve, soc, departsAt } = conditions.value;
   const isLow = departsAt === null && soc < Math.max(reserve, LOW_SOC);
   const leaves = needed !== undefined && (!plan || (needed <= 1 && !isLow)) && !(isStuck.value && needed > 1);
-  const back = turn.value;
+  const back = plan || emptyAfterM(of) === null ? turn.value : null;
   const { shown } = format.value;
   const helps = advice.value?.singly.filter(({ whole }) => isStuck.value && whole && whole.charges > 0) ?? [];
   const [best] = helps.sort((one, other) => other.p_arrive - one.p_arrive);
   const texts = [
     leaves && leaveText(needed, of, isLow),
     isStuck.value && isLow && !leaves && words.callHelp,
-    isStuck.value && trip.value?.stops?.[0] && <NoStop from={trip.value.stops[0]} />,
+    isStuck.value && trip.value?.stops?.[0] && (
+      <NoStop of={trip.value} from={trip.value.stops[0]} isShort={(needed ?? 0) > 1} />
+    ),
     best?.whole && words.best(togetherText(best), chanceInFigures(best.whole.p_reserve)),
     needed !== undefined &&
       isJourney &&
@@ -362,13 +381,26 @@ function ToDo({ of }: { of: Forecast }) {
       speed > 0 &&
       (plan ? words.atMostWithout : words.atMost)(format.value.shown(speed, units.value.speed, 0)),
     back && words.turn(back.name, shown(back.soc, PERCENT), clockAfter(back.atS)[0]),
-    back?.pauseS && words.startBack(...clockAfter(back.atS + back.pauseS)),
+    !!back?.pauseS && words.startBack(...clockAfter(back.atS + back.pauseS)),
   ];
   return (
     <ul class={`journey-answer todo${isOld ? " old" : ""}`} aria-busy={isOld}>
       {plan && <Stops of={plan} />}
       {texts.map((one, k) => one && <li key={k}>{one}</li>)}
     </ul>
+  );
+}
+
+/** The outside temperatures of the car's trips, where that of the departure is another one. */
+function Unseen({ by: { name, label, in_diary } }: { by: OwnCarSummary }) {
+  const own = useAsked(() => getCar(name), [name, in_diary]);
+  const seen = own && seenIn(own.learned);
+  const { ambient_temperature_degc: degc, weatherOfHour } = conditions.value;
+  if (!seen || weatherOfHour || (seen[0] <= degc && degc <= seen[1])) return null;
+  return (
+    <p class="note">
+      {label}: {text.value.ownCars.seen(rangeWithUnit(seen, units.value.temperature))}
+    </p>
   );
 }
 
@@ -387,6 +419,7 @@ function HowSure({ of, now }: { of: Forecast; now: Answer }) {
   return (
     <>
       {isOpen && <Warnings flags={flags} others={others} serious />}
+      {own && <Unseen by={own} />}
       <details class="sure">
         <summary>
           <b>{words.sure}</b>
