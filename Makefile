@@ -152,8 +152,9 @@ page:  ## the page's bundle from its sources in web, into the package; needs Nod
 docs: .venv-check/.ready  ## the documentation as a site, into site/; open site/index.html
 	.venv-check/bin/python -m tools.docs.site.build site
 
-bench: .venv-bench/.ready  ## ratios against peers, all measured in one run, into bench.json
+bench: .venv-bench/.ready  ## ratios against peers, all measured in one run, into bench.json, and growth with the size of the work
 	.venv-bench/bin/python -m benchmarks --out bench.json
+	.venv-bench/bin/python -m benchmarks.growth --write
 
 peers: .venv-bench/.ready  ## other systems on the same trips, into docs/explanation/peers.md
 	.venv-bench/bin/python -m benchmarks.peers --write

@@ -58,6 +58,7 @@ FOLLOWS = {
     "docs/explanation/car-model.md": {"parameters"},
     "docs/reference/vehicles.md": {"licences"},
     "docs/howto/fleet.md": {"costs"},
+    "docs/explanation/peers.md": {"growth"},
     "docs/reference/forecast.md": {"departure"},
 }
 """Parts of pages that follow from stamped files or from the code alone, each with a test of its own; and times of a machine."""
