@@ -242,6 +242,12 @@ def test_a_climb_that_is_known_costs_what_it_costs_on_a_road_of_known_heights(pr
     assert known.to_dict()["climb"]["expected_m"] == profile[-1]
 
 
+def test_places_that_climb_steeper_than_any_road_have_a_forecast():
+    plan, peak = road(), known_climb(15_000.0, (*[0.0] * 15, 560.0))
+    found = forecast(replace(plan, climb=peak), terrain="mountains")
+    assert found.energy_wh > forecast(plan, terrain="flat").energy_wh
+
+
 def test_the_interval_is_that_of_what_is_known():
     model, plan = tw.load_model(), tw.read_route([{"length_m": 12_000.0, "speed_m_s": 15.0}])
     departure = tw.Departure(soc=0.8, ambient_temperature_degc=15.0, terrain="mountains")

@@ -14,7 +14,7 @@ from tripwatt.hybrid import PowerCorrector, SegmentTable
 from tripwatt.hybrid.segments import driving_w
 from tripwatt.physics import Simulation
 from tripwatt.physics.batch import simulate_trips
-from tripwatt.routes.terrain import LOCAL_M, NetClimbs
+from tripwatt.routes.terrain import LOCAL_M, STEEPEST, NetClimbs
 from tripwatt.trips import Plan
 from tripwatt.uncertainty import Segments
 from tripwatt.uncertainty.climb import ClimbingEnergy
@@ -147,7 +147,7 @@ class ExpectedTrip:
         at = np.interp(self.plan.array("time_s") - self.simulation.time_s[0], self.edges_s, self.distance_m)
         by_turns = np.where((at / LOCAL_M).astype(np.int64) % 2, -1.0, 1.0)
         # on a steady climb the descents of hills give little back, but also waste little
-        steady = [] if net.known is None else [net.known.grade(at)]
+        steady = [] if net.known is None else [np.clip(net.known.grade(at), -STEEPEST, STEEPEST)]
         grades = [*grade[grade != 0.0], *steady, *(sum(steady) + g * by_turns for g in HILLS)]
         plans = [replace(self.plan, samples=self.plan.samples.assign(grade=each)) for each in grades]
         runs = simulate_trips((self.vehicle, plan) for plan in plans)
