@@ -1,8 +1,9 @@
 import { signal } from "@preact/signals";
-import { describeCar, RequestFailed } from "../api/client";
+import { describeCar } from "../api/client";
 import type { Fault, Figures } from "../api/documents";
 import { car, chooseDescribed } from "../state/car";
-import { ENERGY, POWER, type Quantity } from "../model/units";
+import { ENERGY, POWER } from "../model/units";
+import { faultsFrom } from "../state/own-cars";
 import { format, text, units } from "../state/preferences";
 import { FaultList } from "./faults";
 import { typedText } from "./number-field";
@@ -14,20 +15,11 @@ const faults = signal<Fault[]>([]);
 
 export const openCarDialog = put(open, true);
 
-interface NumberOfCar {
-  /** Name in the request. */
-  name: "mass_kg" | "usable_battery_kwh" | "consumption_kwh_per_100km" | "motor_power_kw";
-  label: "mass" | "battery" | "consumption" | "power";
-  quantity: () => Quantity;
-  /** What one unit of the request is in SI. */
-  scale: number;
-  digits: number;
-}
-
 /** Consumption in the request is in kWh/100 km, in the page in Wh/m. */
 const WH_M = 0.01;
 
-const NUMBERS: NumberOfCar[] = [
+/** By their names in the request; `scale` is what one unit of the request is in SI. */
+const NUMBERS = [
   { name: "mass_kg", label: "mass", quantity: () => units.value.mass, scale: 1, digits: 0 },
   { name: "usable_battery_kwh", label: "battery", quantity: () => ENERGY, scale: 1000, digits: 1 },
   {
@@ -38,7 +30,7 @@ const NUMBERS: NumberOfCar[] = [
     digits: 2,
   },
   { name: "motor_power_kw", label: "power", quantity: () => POWER, scale: 1000, digits: 0 },
-];
+] as const;
 
 const BODIES = ["small", "hatchback", "sedan", "estate", "suv", "van", "pickup", "quadricycle"] as const;
 
@@ -82,9 +74,7 @@ export function CarDialog() {
       faults.value = [];
       close();
     } catch (error) {
-      if (!(error instanceof RequestFailed)) throw error;
-      const { problem } = error;
-      faults.value = problem.faults ?? [{ code: problem.type, what: problem.title, where: "" }];
+      faults.value = faultsFrom(error);
     }
   };
   return (
@@ -112,10 +102,7 @@ export function CarDialog() {
           name="procedure"
           label={words.procedure}
           value={known?.procedure ?? "wltp"}
-          options={[
-            ["wltp", words.procedures.wltp],
-            ["epa", words.procedures.epa],
-          ]}
+          options={(["wltp", "epa"] as const).map((name) => [name, words.procedures[name]])}
         />
         <Select
           name="body"
