@@ -25,9 +25,7 @@ export function isSame(one: Position, other: Position): boolean {
   return metresBetween(one, other) <= SAME_M;
 }
 
-interface Stopping {
-  stops: readonly { station: Position }[];
-}
+type Stopping = Record<"stops", readonly { station: Position }[]>;
 
 /** Whether one of the plans charges at a station where `plan` does not. */
 export function leadsElsewhere(plan: Stopping | null, plans: readonly Stopping[]): boolean {

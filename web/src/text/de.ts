@@ -300,10 +300,8 @@ const de: Text = {
     otherCar: "„Fahren“ ist nicht möglich: Die Fahrt wurde mit einem anderen Auto gemessen.",
     onArrival: "Ladestand bei Ankunft",
     whenBack: "Ladestand bei der Rückkehr",
-    onArrivalIf: each({
-      one: "Ladestand bei Ankunft, wenn Sie den Ladestopp erreichen",
-      other: "Ladestand bei Ankunft, wenn Sie die Ladestopps erreichen",
-    }),
+    onArrivalIf: (stops) =>
+      `Ladestand bei Ankunft, wenn Sie ${stops > 1 ? "die Ladestopps" : "den Ladestopp"} erreichen`,
     measured: "gemessen",
     range: (low, high) => `${low} bis ${high}`,
     inTrips: (band) => `${band} bei 9 von 10 Fahrten`,
@@ -563,7 +561,6 @@ const de: Text = {
     route: "Werte entlang der Strecke als Tabelle",
     plain: "Als Tabelle",
     distanceIn: (unit) => `Strecke, ${unit}`,
-    time: "Zeit",
     battery: "Ladestand, %",
     band: "9 von 10 Fahrten, %",
     speedIn: (unit) => `Geschwindigkeit, ${unit}`,
@@ -788,7 +785,6 @@ const de: Text = {
     took: "Verbrauch, kWh",
     error: "Fehler",
     coverage: "In 90 %",
-    interval: (middle, low, high) => `${middle} (${low} bis ${high})`,
     isOutside: "außerhalb",
     atDeparture: (energy) => `bei Abfahrt ${energy}`,
     halfWay: (energy) => `auf halber Strecke ${energy}`,

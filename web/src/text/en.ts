@@ -233,8 +233,7 @@ export const en = {
   conditions: {
     title: "Conditions",
     reset: "Reset",
-    compared: (setting: string) =>
-      `For the first forecast. In the second, only this is different: ${setting}.`,
+    compared: (setting: string) => `For the first forecast. In the second, only this differs: ${setting}.`,
     limitMotorway: "Limit motorway speed",
     more: "Weather and extras",
     fields: {
@@ -294,10 +293,8 @@ export const en = {
     otherCar: "Drive is not available: the trip was measured with another car.",
     onArrival: "Battery on arrival",
     whenBack: "Battery when back",
-    onArrivalIf: each({
-      one: "Battery on arrival, if you reach the charging stop",
-      other: "Battery on arrival, if you reach the charging stops",
-    }),
+    onArrivalIf: (stops: number) =>
+      `Battery on arrival, if you reach the charging ${stops > 1 ? "stops" : "stop"}`,
     measured: "measured",
     range: (low: string, high: string) => `${low} to ${high}`,
     inTrips: (band: string) => `${band} in 9 of 10 trips`,
@@ -530,8 +527,7 @@ export const en = {
       correction: "Correction",
     },
     changes: { correction: "Learned from measured trips" },
-    note: (unit: string, loss: string) =>
-      `In ${unit}, taken from the battery. Another ${loss} heats the battery.`,
+    note: (unit: string, loss: string) => `In ${unit}, taken from the battery. Another ${loss} heats it.`,
     learnedOwn: "The correction is what the measured trips of this car add to the physics.",
     learnedOf: (car: string) => `The correction is what measured trips of a ${car} add to the physics.`,
   },
@@ -560,7 +556,6 @@ export const en = {
     route: "Along the way as a table",
     plain: "As a table",
     distanceIn: (unit: string) => `Distance, ${unit}`,
-    time: "Time",
     battery: "Battery, %",
     band: "9 of 10 trips, %",
     speedIn: (unit: string) => `Speed, ${unit}`,
@@ -683,10 +678,7 @@ export const en = {
     leaveOutFile: (file: string) => `Leave out ${file}`,
     use1: "Use",
     useFile: (file: string) => `Use ${file} again`,
-    leaveOutUnreadable: each({
-      one: "Leave out the # file that cannot be read",
-      other: "Leave out the # files that cannot be read",
-    }),
+    leaveOutUnreadable: (files: number) => `Leave out the ${filesText(files)} that cannot be read`,
     kind: (files: number, logger: string | null) =>
       `${filesText(files)} with these columns${logger ? ` (${logger})` : ""}`,
     toCheck: "· please check",
@@ -791,7 +783,6 @@ export const en = {
     took: "Used, kWh",
     error: "Error",
     coverage: "Inside 90 %",
-    interval: (middle: string, low: string, high: string) => `${middle} (${low} to ${high})`,
     isOutside: "outside",
     atDeparture: (energy: string) => `at departure ${energy}`,
     halfWay: (energy: string) => `halfway ${energy}`,

@@ -6,7 +6,7 @@ import { ENERGY, PERCENT } from "../model/units";
 import { format, text, units } from "../state/preferences";
 import { DataTable } from "./data-table";
 import { FaultList } from "./faults";
-import { rangeWithUnit } from "./wording";
+import { range, rangeWithUnit } from "./wording";
 import { said } from "../state/messages";
 import { Fold } from "./parts";
 
@@ -114,21 +114,14 @@ function shownOnTheWay(of: DiaryEntry): string {
 }
 
 function Trips({ of }: { of: OwnCar }) {
-  const { ownCars: words } = text.value;
+  const { ownCars: words, result, trip } = text.value;
   const { figure, shown, signed } = format.value;
   const most = Math.max(1, ...of.diary.map((row) => Math.max(row.high_wh, row.energy_wh)));
   const { width, needed_width } = of.score;
   const needed = width && needed_width !== null ? needed_width / width : null;
   const day = new Intl.DateTimeFormat(format.value.locale, { dateStyle: "medium", timeStyle: "short" });
   const kwh = (wh: number) => figure(ENERGY.from(wh), 2);
-  const heads = [
-    text.value.trip.title,
-    text.value.result.distance,
-    words.forecast,
-    words.picture,
-    words.took,
-    words.error,
-  ];
+  const heads = [trip.title, result.distance, words.forecast, words.picture, words.took, words.error];
   return (
     <DataTable label={words.diary} class="diary with-picture" heads={heads}>
       {of.diary.map((row) => (
@@ -141,7 +134,7 @@ function Trips({ of }: { of: OwnCar }) {
           </th>
           <td>{shown(row.distance_m, units.value.distance)}</td>
           <td>
-            {words.interval(kwh(row.forecast_wh), kwh(row.low_wh), kwh(row.high_wh))}
+            {kwh(row.forecast_wh)} ({range([row.low_wh, row.high_wh], ENERGY, 2)})
             {row.on_the_way.length > 0 && <span class="note way"> {shownOnTheWay(row)}</span>}
           </td>
           <td>
@@ -161,19 +154,12 @@ function Trips({ of }: { of: OwnCar }) {
 }
 
 function Seasons({ of }: { of: OwnCar }) {
-  const { ownCars: words } = text.value;
+  const { ownCars: words, result } = text.value;
   const { figure, shown } = format.value;
   const { consumption, distance } = units.value;
   const seasons = Object.entries(of.by_season);
   if (seasons.length === 0) return null;
-  const heads = [
-    words.season,
-    words.trips,
-    text.value.result.distance,
-    consumption.unit,
-    words.error,
-    words.coverage,
-  ];
+  const heads = [words.season, words.trips, result.distance, consumption.unit, words.error, words.coverage];
   return (
     <DataTable label={words.seasons} class="diary" caption={words.seasons} heads={heads}>
       {seasons.map(([name, row]) => (

@@ -48,7 +48,7 @@ function datesText(from: string, to: string | null): string {
 
 /** What the logs hold for the car, and what of them is lost. */
 function Learnable({ preview, report }: { preview: Preview | null; report: Alike[] }) {
-  const { ownCars: words, conditions, result, tables } = text.value;
+  const { ownCars: words, conditions, result } = text.value;
   const { shown, duration, figure } = format.value;
   const { distance } = units.value;
   const reasons: Reason[] = [...(preview?.findings ?? []), ...report];
@@ -65,7 +65,7 @@ function Learnable({ preview, report }: { preview: Preview | null; report: Alike
         <dl class="learnable">
           <Stat label={words.trips}>{words.ofLogs(figure(preview.drives, 0), preview.logs)}</Stat>
           <Stat label={result.distance}>{shown(preview.distance_m, distance)}</Stat>
-          <Stat label={tables.time}>{duration(preview.duration_s)}</Stat>
+          <Stat label={result.time}>{duration(preview.duration_s)}</Stat>
           <Stat label={result.energy}>{shown(preview.energy_wh, ENERGY, 1)}</Stat>
           {preview.from_date && (
             <Stat label={words.dates}>{datesText(preview.from_date, preview.to_date)}</Stat>

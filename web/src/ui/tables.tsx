@@ -40,7 +40,7 @@ function some(count: number): number[] {
 export function RouteTable({ of }: { of: Forecast }) {
   const { distance, speed, height } = units.value;
   const { duration, figure } = format.value;
-  const { tables } = text.value;
+  const { tables, result } = text.value;
   const { series } = of;
   const profile = shownProfile.value;
   const rows = some(series.distance_m.length).map((k) => {
@@ -58,7 +58,7 @@ export function RouteTable({ of }: { of: Forecast }) {
   });
   const head = [
     tables.distanceIn(distance.unit),
-    tables.time,
+    result.time,
     tables.battery,
     tables.band,
     tables.speedIn(speed.unit),
