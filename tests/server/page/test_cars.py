@@ -176,7 +176,7 @@ def test_a_car_is_made_taught_used_and_deleted(opened: Any, service: Service) ->
     page.locator(".sure summary").click()
     given = page.locator(".sure .given").inner_text()
     assert f"Learned from {TRIPS} trips." in given
-    assert ("They do not improve the forecast yet" in given) != is_better
+    assert ("they do not help yet" in given) != is_better
     assert page.locator("header [role=combobox]").input_value() == "my-i3: BMW i3 60 Ah"
     opens_with_the_only_car(page, service, "my-i3: BMW i3 60 Ah")
     manage_cars(page)
@@ -412,7 +412,6 @@ def test_the_diary_begins_with_the_gain_and_says_what_to_switch_on(
     gain, trend = dialog(page).locator(".error-now .range").all_inner_texts()
     told = [float(one) for one in re.findall(r"\d+\.\d", f"{gain} {trend}".replace(",", "."))]
     assert told == pytest.approx([without, last, before], abs=0.05)
-    assert trend.endswith(("error falls.", "sinkt.") if last < before else ("not fall.", "nicht."))
     why = dialog(page).locator("#own-car-diary ~ .findings li").all_inner_texts()
     assert len(why) == 2, "heights, and few trips"
     assert why[0].startswith(("2 of 6 trips without heights", "2 von 6 Fahrten ohne Höhen"))

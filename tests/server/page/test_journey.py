@@ -453,7 +453,7 @@ def test_who_charges_at_the_start_drives_nowhere_first_and_a_doubtful_charge_is_
     told = todo.inner_text().replace("\u00a0", " ")
     first, second = told.split(" No other ")
     assert first == "Charge here, at “Halbweg”, for 12 min, from 13 % to 45 %."
-    assert second == "charging station is safely in reach."
+    assert second == "charging station is more likely to be reached."
     label = page.locator(".verdict .arrival .label").inner_text()
     assert label == "Battery on arrival, if you reach the charging stop"
     assert page.locator(".headline ~ .todo").count() == 1
