@@ -1,19 +1,16 @@
 """The gate in one command, with what each part costs: ``python -m tools.quality.gate [PART ...]``; ``make check`` runs it.
 
-Parts are run in their order until one fails. The seconds on the clock and of the processor are printed at the end, and those of the tests
-of each room. The environment variable TEST_WORKERS is the number of processes that test.
+Parts are run in their order until one fails. The seconds of each on the clock and of the processor are printed, those of the tests of each
+room before the last line of pytest, which ends the output. The environment variable TEST_WORKERS is the number of processes that test.
 """
 
 from __future__ import annotations
 
-import json
 import os
 import resource
 import subprocess
 import sys
 import time
-from collections import Counter
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Annotated, Final
 
@@ -53,42 +50,20 @@ def run(part: str) -> tuple[int, float, float]:
     return done.returncode, time.perf_counter() - began, used() - before
 
 
-def by_room(times: Path) -> Iterator[tuple[str, int, float]]:
-    """Room, number and seconds of its tests, the longest first; doctests belong to the file that they are in.
-
-    Examples
-    --------
-    >>> import tempfile
-    >>> times = Path(tempfile.mkdtemp()) / "times.json"
-    >>> _ = times.write_text('{"tests/roads/test_a.py::b": [0.5, 1.0], "tests/roads/maps/test_c.py::d": [0, 2]}')
-    >>> list(by_room(times))
-    [('tests/roads', 2, 3.5)]
-    """
-    seconds, number = Counter[str](), Counter[str]()
-    for name, spent in json.loads(times.read_text("utf-8")).items():
-        room = "/".join(Path(name.partition("::")[0]).parts[:2])
-        seconds[room] += sum(spent)
-        number[room] += 1
-    for room, spent in seconds.most_common():
-        yield room, number[room], spent
-
-
 def main(parts: Annotated[list[str] | None, Argument(help="By default all.")] = None) -> int:
     """Run the gate, or some of its parts."""
     if unknown := set(parts or ()) - set(PARTS):
         raise BadParameter(f"{', '.join(sorted(unknown))}: none of {', '.join(PARTS)}")
-    code, lines = 0, [f"{'part':24} {'tests':>6} {'seconds':>8} {'of the processor':>17}"]
     for part in parts or PARTS:
-        TIMES.unlink(missing_ok=True)
         code, seconds, spent = run(part)
-        lines.append(f"{part:24} {'':6} {seconds:8.1f} {spent:17.1f}")
-        if TIMES.is_file():
-            lines += [f"  {room:22} {n:6} {each:8.1f}" for room, n, each in by_room(TIMES)]
+        if part != "tests":
+            print(
+                f"{part}: {seconds:.1f} s, {spent:.1f} s of the processor{', failed' if code else ''}",
+                flush=True,
+            )
         if code:
-            lines.append(f"{part} failed")
-            break
-    print("\n".join(lines))
-    return code
+            return code
+    return 0
 
 
 if __name__ == "__main__":
