@@ -13,6 +13,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, Final
 
+from tests.support.router_server import valhalla_serving
 from tests.support.service_process import serving
 
 from tools import DOCS, ROOT
@@ -20,6 +21,7 @@ from tools.quality.page import MAP_SHOWN, SHOWN, browsing, choose_car, choose_pl
 from tools.release import PAGE
 from tools.release import PICTURES as PICTURE_DIGESTS
 from tripwatt.roads.maps.engine import valhalla_folder
+from tripwatt.roads.maps.folder import open_map
 from tripwatt.server.http.demo import depart, example_map, make_demo, send
 
 IMAGES: Final = DOCS / "images"
@@ -89,8 +91,8 @@ def _journey(page: Any) -> None:
 def _reach(page: Any) -> None:
     _journey(page)
     page.get_by_role("slider", name="Battery at departure", exact=True).fill("20")
-    page.get_by_label("Show the area of reach from A").check()
-    page.get_by_text("dashed: in 10 of 20 trips").wait_for()
+    page.get_by_label("Show how far you get from A").check()
+    page.get_by_text("dashed line: in 10 of 20").wait_for()
     page.wait_for_timeout(3 * SETTLE_MS)
 
 
@@ -120,9 +122,11 @@ def demo() -> Iterator[str]:
     """The service of `tripwatt demo`, with its map on every Python for which Valhalla's programs are at hand; gives its address."""
     with tempfile.TemporaryDirectory() as folder, tempfile.TemporaryDirectory() as logs:
         settings, token = make_demo(Path(folder))
-        shown = ("--map", f"{example_map(Path(folder))}", "--cars", f"{settings.cars}")
-        samples, _ = depart(settings)
-        with serving(Path(logs), *shown) as service:
+        samples = depart(settings)
+        with (
+            valhalla_serving(open_map(example_map(Path(folder)))) as roads,
+            serving(Path(logs), "--map", roads, "--cars", f"{settings.cars}") as service,
+        ):
             threading.Thread(target=send, args=(samples, service.url, token), daemon=True).start()
             yield service.url
 
