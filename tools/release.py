@@ -39,8 +39,7 @@ NAMES: Final = ("tripwatt[learners]", "tripwatt-gamm")
 PAGE: Final = "src/tripwatt/server/http/page/manifest.json"
 PICTURES: Final = "docs/images/page.json"
 """The digest of the page's sources that each picture shows."""
-MAX_WHEEL_BYTES: Final = 4_000_000
-"""Of both distributions, as docs/decisions/page-03-large-maps.md has it."""
+MAX_WHEEL_BYTES: Final = 3_000_000
 MAX_IMPORT_S: Final = 0.15
 BUILDERS: Final = ("hatchling", "packaging", "pathspec", "pluggy", "trove-classifiers")
 """Packages that sdist and wheel depend on; `constraints/check.txt` has their hashes."""

@@ -53,8 +53,7 @@ def test_a_long_pause_makes_two_trips_of_one(model):
 
 def test_the_whole_pause_takes_the_power_of_a_parked_car(model):
     day, days = (model.forecast(with_pause(hours * HOUR_S), MILD).energy_wh for hours in (24.0, 72.0))
-    # with less charge the rest of the road takes a watt-hour more
-    assert days - day == pytest.approx(48.0 * PARKED_W, abs=2.0)
+    assert days - day == pytest.approx(48.0 * PARKED_W, abs=1.0)
 
 
 def test_in_mild_weather_cold_tyres_and_battery_are_left(model):

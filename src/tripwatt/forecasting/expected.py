@@ -142,8 +142,7 @@ class ExpectedTrip:
 
     def climbing_energy(self, net: NetClimbs) -> ClimbingEnergy:
         """Energy of climbing on a road of unknown heights, from simulations at constant grades and on hills. O(samples) for each."""
-        way = float(self.distance_m[-1])
-        grade = np.array(EVEN) * max(net.steepest(FAR, way), 1e-3)
+        grade = np.array(EVEN) * max(net.steepest(FAR, float(self.distance_m[-1])), 1e-3)
         at = np.interp(self.plan.array("time_s") - self.simulation.time_s[0], self.edges_s, self.distance_m)
         by_turns = np.where((at / LOCAL_M).astype(np.int64) % 2, -1.0, 1.0)
         # on a steady climb the descents of hills give little back, but also waste little

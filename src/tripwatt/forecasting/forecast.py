@@ -24,7 +24,7 @@ from tripwatt.forecasting.document import (
     UnknownClimbDocument,
     by_probability,
 )
-from tripwatt.forecasting.expected import ExpectedTrip
+from tripwatt.forecasting.expected import PARKED_W, ExpectedTrip
 from tripwatt.forecasting.measured import (
     ChargeReading,
     Columns,
@@ -404,8 +404,9 @@ class Forecast:
 
     @property
     def level_wh(self) -> float:
-        """Energy of the whole trip without that of its climb [Wh], which speeds and traffic do not change."""
-        return self.energy_wh - self.by_cause_wh["climb"]
+        """Energy of the whole trip without those of its climb and of the parked car [Wh], which speeds and traffic do not change."""
+        parked_s = sum(pause.duration_s for pause in self.plan.pauses if pause.cools)
+        return self.energy_wh - self.by_cause_wh["climb"] - PARKED_W * parked_s / SECONDS_PER_HOUR
 
     @property
     def battery_loss_wh(self) -> float:
