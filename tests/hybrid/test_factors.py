@@ -20,6 +20,7 @@ from tripwatt.hybrid.factors import (
     FACTORS,
     NAMES,
     SDS,
+    SEASONS,
     UNITS,
     FactorCorrector,
     TripEvidence,
@@ -96,6 +97,9 @@ def test_powers_of_two_segments_are_those_by_hand() -> None:
     }
     for name, power in by_hand.items():
         assert found[name] == pytest.approx(sd[name] * np.array(power), **EXACT), name
+    # the seasons share the power without the climb, in squares
+    seasons = np.array([found[name] / sd[name] for name in SEASONS])
+    assert np.linalg.norm(seasons, axis=0) == pytest.approx([9000.0, 9000.0])
     # what a unit of a factor is: a share of the simulated power, or a kilowatt
     assert found["everything"] / sd["everything"] == pytest.approx(own.simulated_w - 1000.0)
     assert found["frost"][0] / sd["frost"] == pytest.approx(1000.0), "1 kW at 10 K below freezing"
