@@ -114,6 +114,19 @@ def test_hills_of_a_steady_climb_cost_less_than_those_of_a_level_road():
     assert abs(hilly - even) < 0.5 * cost[0]
 
 
+@pytest.mark.parametrize(("soc", "air_degc"), [(1.0, 30.0), (0.7, 30.0), (0.9, -25.0)])
+def test_a_descent_after_a_climb_is_that_of_the_known_road(soc, air_degc):
+    """The climb makes room in a full battery and warms a cold one, before the descent charges it."""
+    links = [{"length_m": 500.0, "speed_m_s": 15.0, "grade": grade} for grade in [0.07] * 60 + [-0.07] * 60]
+    pass_road, departure = tw.read_route(links), tw.Departure(soc, air_degc, terrain="flat")
+    places = known_climb(60_000.0, (0.0, 2095.0, 0.0))
+    hidden, known = (
+        tw.forecast(plan, departure, car="tesla_model_3_lr").energy_wh
+        for plan in (replace(road(60.0), climb=places), pass_road)
+    )
+    assert known < hidden < 1.08 * known
+
+
 @pytest.mark.parametrize("vehicle", ["bmw_i3_60ah", "nissan_leaf_40", "tesla_model_3_lr"])
 def test_a_metre_of_climb_takes_what_the_simulation_says(vehicle):
     found = tw.forecast(road(), COLD, car=vehicle)

@@ -58,7 +58,7 @@ KNOWN = KnownClimb(np.array([0.0, 6e3, 2e4]), np.array([0.0, 500.0, 100.0]), np.
 
 @pytest.mark.parametrize("from_m", [0.0, 3000.0])
 @pytest.mark.parametrize("known", [None, KNOWN])
-def test_the_climb_ahead_costs_what_each_piece_of_road_costs_at_its_grade(known, from_m):
+def test_the_climb_ahead_costs_what_each_piece_of_road_costs_beyond_its_expected_grade(known, from_m):
     """Every energy grows with the distance: a rate that is linear between grades and beyond them."""
     net, way = net_climbs("mountains").given(known), np.linspace(0.0, 2e4, 9)
     grade, hill = np.array([-0.06, -0.02, 0.0, 0.03, 0.07]), np.array([0.0, 0.03, 0.06])
@@ -68,7 +68,9 @@ def test_the_climb_ahead_costs_what_each_piece_of_road_costs_at_its_grade(known,
         interp1d(x, y, fill_value="extrapolate") for x, y in ((grade, even), (hill, hills))
     )
     ahead = np.maximum(way - from_m, 0.0)
-    climb, length = net.net_m(ahead, from_m), np.maximum(ahead, 1e-9)
+    usual = np.zeros(9) if known is None else np.interp(from_m + ahead, KNOWN.distance_m, KNOWN.climb_m)
+    usual -= usual[ahead == 0.0][-1]
+    climb, length = net.net_m(ahead, from_m) - usual, np.maximum(ahead, 1e-9)
     if known is None:
         expected = rate(climb / length) * ahead
     else:
@@ -82,7 +84,7 @@ def test_the_climb_ahead_costs_what_each_piece_of_road_costs_at_its_grade(known,
     most = float(net.limit(ahead[-1]))
     for climb_m in (0.1 * most, 0.6 * most):
         energy_wh = float(drive.more_wh(climb_m, from_m))
-        assert energy_wh == pytest.approx(float(rate(climb_m / ahead[-1])) * ahead[-1])
+        assert energy_wh == pytest.approx(float(rate((climb_m - usual[-1]) / ahead[-1])) * ahead[-1])
         assert drive.climb_for(energy_wh, from_m) == pytest.approx(climb_m, rel=0.01)
     assert drive.climb_for(1.01 * float(drive.more_wh(most, from_m)), from_m) == np.inf
     assert drive.climb_for(1.0, way[-1]) == np.inf

@@ -26,7 +26,7 @@ MIN_RESISTANCE: Final = 0.5
 FAR: Final = 0.99
 """Quantile of the net climb up to which a road of unknown heights is simulated; energy is linear beyond."""
 EVEN: Final = (-1.0, -0.3, 0.0, 0.3, 1.0)
-"""Constant grades that are simulated, as multiples of the grade of that quantile."""
+"""Grades beyond the expected ones that are simulated, as multiples of the grade of that quantile."""
 HILLS: Final = (0.03, 0.08)
 """Grades of the simulated roads that go up and down in turn."""
 COOLING_S: Final = 1800.0
@@ -141,23 +141,21 @@ class ExpectedTrip:
         return np.asarray(MIN_RESISTANCE * (air + rolling) + climb + acceleration)
 
     def climbing_energy(self, net: NetClimbs) -> ClimbingEnergy:
-        """Energy of climbing on a road of unknown heights, from simulations at constant grades and on hills. O(samples) for each."""
+        """Energy of climbing on a road of unknown heights, from simulations at grades around the expected ones. O(samples) for each."""
         grade = np.array(EVEN) * max(net.steepest(FAR, float(self.distance_m[-1])), 1e-3)
         at = np.interp(self.plan.array("time_s") - self.simulation.time_s[0], self.edges_s, self.distance_m)
         by_turns = np.where((at / LOCAL_M).astype(np.int64) % 2, -1.0, 1.0)
-        # on a steady climb the descents of hills give little back, but also waste little
-        steady = [] if net.known is None else [np.clip(net.known.grade(at), -STEEPEST, STEEPEST)]
-        grades = [*grade[grade != 0.0], *steady, *(sum(steady) + g * by_turns for g in HILLS)]
+        # a battery that the climb empties takes the energy of the descent, and hills on a climb waste little
+        expected = np.clip(net.known.grade(at), -STEEPEST, STEEPEST) if net.known else 0.0
+        grades = [expected + each for each in (*grade, *np.outer(HILLS, by_turns))]
         plans = [replace(self.plan, samples=self.plan.samples.assign(grade=each)) for each in grades]
         runs = simulate_trips((self.vehicle, plan) for plan in plans)
         time_s = self.simulation.time_s - self.simulation.time_s[0]
-        extra_wh = np.array(
-            [np.interp(self.edges_s, time_s, run.energy_wh - self.simulation.energy_wh) for run in runs]
-        )
-        even_wh = np.insert(extra_wh[: len(EVEN) - 1], len(EVEN) // 2, 0.0, axis=0)
-        hill_wh = extra_wh[-len(HILLS) :] - (extra_wh[len(EVEN) - 1] if steady else 0.0)
-        hill, hill_wh = np.array((0.0, *HILLS)), np.insert(hill_wh, 0, 0.0, axis=0)
-        return ClimbingEnergy(grade, even_wh, hill, hill_wh, self.distance_m, net)
+        flat_wh = self.simulation.energy_wh
+        extra_wh = [np.interp(self.edges_s, time_s, run.energy_wh - flat_wh) for run in runs]
+        even_wh, hill_wh = np.split(extra_wh, [len(EVEN)])
+        hill_wh = np.insert(hill_wh - even_wh[len(EVEN) // 2], 0, 0.0, axis=0)
+        return ClimbingEnergy(grade, even_wh, np.array((0.0, *HILLS)), hill_wh, self.distance_m, net)
 
     @cached_property
     def wh_per_soc(self) -> float:

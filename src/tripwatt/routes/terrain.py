@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property, lru_cache
+from functools import cached_property, lru_cache, partial
 from statistics import NormalDist
 from typing import Final
 
@@ -80,11 +80,9 @@ class NetClimbs:
         return replace(self, known=known)
 
     def steepest(self, p: float, distance_m: float) -> float:
-        """Grade that all but 1 - `p` of the roads do not exceed over a distance, up or down, and no known part of the road [1]."""
-        up, down = float(self.quantile(p, distance_m)), -float(self.quantile(1.0 - p, distance_m))
-        grade = max(up, down) / max(distance_m, 1.0)
-        known = np.zeros(1) if self.known is None else self.known.grade(self.known.distance_m)
-        return max(grade, float(np.abs(known).max()))
+        """Grade by which all but 1 - `p` of the roads do not leave the expected one over a distance, up or down [1]."""
+        low, middle, high = (float(self.quantile(each, distance_m)) for each in (1.0 - p, 0.5, p))
+        return max(high - middle, middle - low) / max(distance_m, 1.0)
 
     def limit(self, distance_m: FloatArray | float) -> FloatArray:
         """Largest net climb of a road of a given length [m]; places beside a road show climbs beyond those of the terrain."""
@@ -96,17 +94,22 @@ class NetClimbs:
         distance = np.asarray(distance_m, dtype=np.float64)
         return self._climbs(self.over_10_km_m[:, None], distance, from_m)
 
+    def expected_m(self, distance_m: FloatArray | float, from_m: float = 0.0) -> FloatArray:
+        """Expected net climb from `from_m` over each distance [m], in the shape of `distance_m`; 0 if nothing is known."""
+        if self.known is None:
+            return np.zeros(np.shape(distance_m))
+        height_m = partial(np.interp, xp=self.known.distance_m, fp=self.known.climb_m)
+        return np.asarray(height_m(from_m + distance_m) - height_m(from_m))
+
     def _climbs(self, over_10_km_m: FloatArray, distance_m: FloatArray, from_m: float = 0.0) -> FloatArray:
         """Net climbs from `from_m` over distances [m], given those over 10 km of a road of which nothing is known."""
-        expected, factor = np.zeros(()), (distance_m / REFERENCE_M) ** GROWTH
+        factor = (distance_m / REFERENCE_M) ** GROWTH
         if self.known is not None:
-            at, sd_m = np.array((from_m, *(from_m + distance_m.ravel()))), self.known.sd_m
-            climb, sd = (np.interp(at, self.known.distance_m, each) for each in (self.known.climb_m, sd_m))
-            expected = (climb[1:] - climb[0]).reshape(distance_m.shape)
-            errors = np.hypot(sd[1:], sd[0]).reshape(distance_m.shape) / self._typical_over_10_km_m
+            sd_m = partial(np.interp, xp=self.known.distance_m, fp=self.known.sd_m)
+            errors = np.hypot(sd_m(from_m + distance_m), sd_m(from_m)) / self._typical_over_10_km_m
             factor = np.minimum(errors, factor) if from_m > 0.0 else errors
         limit = self.limit(distance_m)
-        return np.asarray(np.clip(expected + over_10_km_m * factor, -limit, limit))
+        return np.asarray(np.clip(self.expected_m(distance_m, from_m) + over_10_km_m * factor, -limit, limit))
 
     @cached_property
     def _typical_over_10_km_m(self) -> float:

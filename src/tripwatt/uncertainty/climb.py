@@ -18,18 +18,18 @@ PLACES: Final = 13
 
 @dataclass(frozen=True, eq=False)
 class ClimbingEnergy:
-    """Energy of one drive if its road climbed evenly, and if its road went up and down.
+    """Energy of one drive if its road climbed more or less than expected, and if its road went up and down.
 
     Attributes
     ----------
     grade : ndarray, shape (grades,)
-        Constant grades, ascending [1].
+        Constant grades in addition to that of the expected climb, ascending [1].
     even_wh : ndarray, shape (grades, places)
-        Energy beyond that of a flat road up to each place along the way, at constant grades [Wh].
+        Energy beyond that of a flat road up to each place along the way, at these grades [Wh].
     hill : ndarray, shape (hills,)
         Grades of roads that go up and down in turn, ascending from 0 [1].
     hill_wh : ndarray, shape (hills, places)
-        The same on roads that go up and down [Wh].
+        Energy that hills add to that of the expected climb [Wh].
     distance_m : ndarray, shape (places,)
         Distance driven up to each place [m].
     net : NetClimbs
@@ -53,13 +53,13 @@ class ClimbingEnergy:
     net: NetClimbs
 
     def more_wh(self, climb_m: Any, from_m: float = 0.0) -> Any:
-        """Energy that an even climb of `climb_m` from `from_m` to the end adds to that of a flat road [Wh]; numbers or arrays."""
-        even = self._energy_from(self.even_wh, from_m)[:, -1:]
-        grade = np.asarray(climb_m)[..., None] / max(float(self.distance_m[-1]) - from_m, 1e-9)
+        """Energy that a net climb of `climb_m` from `from_m` to the end adds to that of a flat road [Wh]; numbers or arrays."""
+        even, ahead_m = self._energy_from(self.even_wh, from_m)[:, -1:], float(self.distance_m[-1]) - from_m
+        grade = (np.asarray(climb_m)[..., None] - self.net.expected_m(ahead_m, from_m)) / max(ahead_m, 1e-9)
         return _interpolated(self.grade, even, grade)[..., 0]
 
     def climb_for(self, energy_wh: float, from_m: float = 0.0) -> float:
-        """Even climb from `from_m` to the end that adds an energy [m]: inverse of `more_wh`; infinite if no road climbs that much."""
+        """Net climb from `from_m` to the end that adds an energy [m]: inverse of `more_wh`; infinite if no road climbs that much."""
         ahead = float(self.distance_m[-1]) - from_m
         most = float(self.net.limit(max(ahead, 0.0)))
         if ahead <= 0.0 or self.more_wh(most, from_m) < energy_wh:
@@ -70,12 +70,12 @@ class ClimbingEnergy:
     def ahead(self, from_m: float = 0.0) -> UnknownClimb:
         """Energies that the unknown climb from `from_m` on may add; 0 up to `from_m`."""
         distance = np.maximum(self.distance_m - from_m, 0.0)
-        climb = self.net.net_m(distance, from_m)
+        beyond = self.net.net_m(distance, from_m) - self.net.expected_m(distance, from_m)
         even_wh = self._energy_from(self.even_wh, from_m)
         if self.net.known is None:
-            added_wh = _interpolated(self.grade, even_wh, climb / np.maximum(distance, 1e-9))
-        else:  # up and down in turn
-            steps = np.diff(climb, axis=1, prepend=0.0) / np.maximum(np.diff(distance, prepend=0.0), 1e-9)
+            added_wh = _interpolated(self.grade, even_wh, beyond / np.maximum(distance, 1e-9))
+        else:  # the error differs along the way
+            steps = np.diff(beyond, axis=1, prepend=0.0) / np.maximum(np.diff(distance, prepend=0.0), 1e-9)
             each_wh = _interpolated(self.grade, np.diff(even_wh, axis=1, prepend=0.0), steps)
             added_wh = np.cumsum(each_wh, axis=1)
         hills_wh = self._energy_from(self.hill_wh, from_m)
