@@ -703,10 +703,21 @@ def test_an_update_by_power_with_climate_control_beside_it():
     new = NOISE_W2 + CLIMATE_NOISE**2
     variance = constant * (1 / 30 + 1 / 20) ** 2 + new[1] / 30**2 + new[2] / 20**2
     factor = 1.2 + ONE_SIXTH * (1.5 - 1.2)
-    # never wider than the rest was at departure
-    before = BOTH_W2 * (1 / 30 + 1 / 20) ** 2 + new[1] / 30**2 + new[2] / 20**2
-    assert factor**2 * variance > before
-    assert updated.sd_wh == pytest.approx(SD_FACTOR * np.sqrt(before), rel=1e-9)
+    assert updated.sd_wh == pytest.approx(SD_FACTOR * factor * np.sqrt(variance), rel=1e-9)
+
+
+@pytest.mark.parametrize(
+    "columns", [{"voltage_v": 400.0, "current_a": 10.0}, {"soc": [0.50, 0.49, 0.48, 0.47]}]
+)
+def test_an_update_is_at_most_as_wide_as_the_departure(columns):
+    start = departing()
+    ten = np.full(6, 10.0)
+    shrinkage = dataclasses.replace(start.uncertainty.shrinkage, joint_sd_factor=ten)
+    start = dataclasses.replace(
+        start, uncertainty=dataclasses.replace(start.uncertainty, shrinkage=shrinkage)
+    )
+    updated = start.update(pd.DataFrame({"time_s": [0.0, 20.0, 40.0, 60.0], **columns}))
+    assert updated.sd_wh == pytest.approx(start.sd_wh, rel=1e-9)
 
 
 def test_climate_control_that_was_off_is_left_out_of_the_rest():

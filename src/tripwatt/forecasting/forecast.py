@@ -735,11 +735,11 @@ def updated(forecast: Forecast, observed: Columns) -> Forecast:
         flags.append(Flag("charge_contradicted", "displayed_soc", anchor.value if anchor else None, "1"))
     posterior, factor = updated_power(drive, uncertainty, samples, measured, readings)
     forecast = replace(forecast, flags=tuple(flags), posterior=posterior, measured=measured)
-    powers = uncertainty.process.prior(drive.segments), posterior
-    before, after = (float(power.sd_wh(_unread_hours(forecast))[-1]) for power in powers)
-    # held-out trips that are read less exactly than these were must not widen the rest beyond what was unknown at departure
-    factor = min(factor, before / after) if after > 0.0 else factor
-    return with_empty_flag(replace(forecast, rest_sd_factor=factor))
+    before_wh = uncertainty.process.prior(drive.segments).sd_wh(drive.table.hours)[-1]
+    now_wh, rest_wh = (posterior.sd_wh(hours)[-1] for hours in (forecast.open_hours, _unread_hours(forecast)))
+    # the trip is never less certain than at departure
+    most = float(np.sqrt(1.0 + max(before_wh**2 - now_wh**2, 0.0) / max(rest_wh, 1e-9) ** 2))
+    return with_empty_flag(replace(forecast, rest_sd_factor=min(factor, most)))
 
 
 def with_empty_flag(forecast: Forecast) -> Forecast:
