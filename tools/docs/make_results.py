@@ -42,8 +42,8 @@ class Result(NamedTuple):
     """One published result.
 
     `files` are paths from the root, or `PAGE#PART` for a generated part of a page (`tools/docs/pages.py`). `minutes` are those of an idle machine of two cores.
-    A result that has no forecast of a car without trips or with a few does not rest on the parts `OTHER_CARS` of the probe, and one of maps
-    alone on no part.
+    A result that has no forecast of a car without trips or with a few does not rest on the parts `OTHER_CARS` of the probe, one without
+    updates not on `probe.ON_THE_WAY`, and one of maps alone on no part.
     """
 
     name: str
@@ -52,6 +52,7 @@ class Result(NamedTuple):
     data: tuple[str, ...]
     minutes: float
     other_cars: bool = False
+    updates: bool = False
     maps_alone: bool = False
 
 
@@ -64,7 +65,9 @@ OTHER_CARS: Final = frozenset(
 def resting(result: Result, found: Probe) -> Probe:
     """The parts of a probe that a result rests on."""
     kept = {} if result.maps_alone else found
-    return {name: rows for name, rows in kept.items() if result.other_cars or name not in OTHER_CARS}
+    left_out = set() if result.other_cars else {*OTHER_CARS}
+    left_out |= set() if result.updates else {probe.ON_THE_WAY}
+    return {name: rows for name, rows in kept.items() if name not in left_out}
 
 
 def evaluation(protocol: str, minutes: float, *more: str) -> Result:
@@ -79,6 +82,7 @@ def evaluation(protocol: str, minutes: float, *more: str) -> Result:
         (f"docs/results/{protocol}.json", *more),
         ("tum",),
         minutes,
+        updates=protocol == "forecast",
     )
 
 
@@ -226,6 +230,7 @@ RESULTS: Final = (
         (MODEL, SAMPLE, *(f"docs/gallery/{name}.py" for name in gallery.NAMES)),
         2,
         other_cars=True,
+        updates=True,
     ),
     part(
         "long-trips",

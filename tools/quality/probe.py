@@ -45,6 +45,8 @@ TOLERANCE: Final = 1e-5
 FLOOR: Final = 1e-6
 """Absolute, for numbers about zero."""
 
+ON_THE_WAY: Final = "forecast on the way"
+
 Probe = dict[str, list[list[float]]]
 
 
@@ -118,6 +120,13 @@ def of_forecast(forecast: Forecast) -> list[float]:
     ]
 
 
+def on_the_way(forecast: Forecast, trip: Trip, measured: Sequence[str]) -> list[float]:
+    """`of_forecast` after a fifth and a half of a trip, by columns of its log."""
+    log = trip.samples.assign(displayed_soc=trip.samples["soc"].round(2))[["time_s", *measured]]
+    ends = (forecast.along.time_s[-1] * part for part in (0.2, 0.5))
+    return [x for end in ends for x in of_forecast(forecast.update(log[log["time_s"] <= end]))]
+
+
 def of_identification(car: Vehicle) -> list[float]:
     """Values from the signals of the trips."""
     records = [stage_record(with_signals(trip, car), car) for trip in trips()]
@@ -156,6 +165,9 @@ def computed() -> Probe:
     for name, of_car in of_cars.items():
         parts[f"forecast {name}"] = [of_forecast(of_car.forecast(plan)) for plan in roads]
     parts["forecast on links"] = [of_forecast(model.forecast(plan_on_links(t, LINK_M))) for t in trips()]
+    way = [(model.forecast(Plan.from_trip(trip)), trip) for trip in trips()]
+    ways = (("voltage_v", "current_a"), ("displayed_soc",))
+    parts[ON_THE_WAY] = [on_the_way(*each, measured) for each in way for measured in ways]
     flat = [Plan.from_trace(p.trip_id, p.samples.drop(columns="elevation_m"), p.departure) for p in roads]
     parts["forecast without heights"] = [of_forecast(model.forecast(plan)) for plan in flat]
     return simulated() | rounded(parts)
