@@ -402,7 +402,7 @@ def damage(path: object, allowed: str, fix: str = "", what: str = "damaged file"
 
 
 def or_none(call: Callable[Given, Checked], *args: Given.args, **more: Given.kwargs) -> Checked | None:
-    """The result of a call, or None if the call raises `InvalidInput`.
+    """The result of a call, or None if the call raises `InvalidInput`; a `RemoteError` is raised.
 
     Examples
     --------
@@ -411,6 +411,8 @@ def or_none(call: Callable[Given, Checked], *args: Given.args, **more: Given.kwa
     """
     try:
         return call(*args, **more)
+    except RemoteError:
+        raise
     except InvalidInput:
         return None
 

@@ -28,8 +28,7 @@ def carried_steps(steps: Sequence[Node]) -> BoolArray:
     >>> carried_steps([Node({"mode": "ferry"}, "step"), Node({"type": 8}, "step")]).tolist()
     [True, False]
     """
-    members = [step.members() for step in steps]
-    return np.array([_is_carried(step) for step in members], dtype=bool)
+    return np.array([_is_carried(step.members()) for step in steps], dtype=bool)
 
 
 def _is_carried(step: dict[str, Any]) -> bool:

@@ -7,7 +7,7 @@ from tripwatt.roads.journey.solver import MIN_CHARGE_S, MIN_GAIN_SOC, StopProble
 LEVELS = np.arange(21) / 20
 
 
-def made_problem(seed, stations=None, length_km=None):
+def made_problem(seed, stations=None, length_km=None, paused=False):
     """A road with up to 30 stations, their detours, powers and temperatures, and legs with errors."""
     rng = np.random.default_rng(seed)
     count = int(rng.integers(1, 31)) if stations is None else stations
@@ -20,9 +20,9 @@ def made_problem(seed, stations=None, length_km=None):
     need = taken + rng.uniform(0.02, 0.15) + np.hypot(0.1 * taken, 0.01)
     time = np.where(np.triu(np.ones_like(way), 1) > 0.0, 3600.0 * way / 100.0, np.inf)
     shape = np.cumsum(1.0 + 4.0 * LEVELS**4) * rng.uniform(8.0, 60.0, (count + 2, 1))
-    return StopProblem(
-        float(rng.uniform(0.3, 1.0)), taken, need, time, shape - shape[:, :1], rng.uniform(60.0, 600.0)
-    )
+    start, overhead = float(rng.uniform(0.3, 1.0)), rng.uniform(60.0, 600.0)
+    pause = np.where(rng.random(count + 2) < 0.2, rng.uniform(0.0, 7200.0, count + 2), 0.0) * paused
+    return StopProblem(start, taken, need, time, shape - shape[:, :1], overhead, pause)
 
 
 def exhaustive(problem):
@@ -40,6 +40,7 @@ def exhaustive(problem):
         np.minimum.accumulate(step[::-1])[::-1][1:], 1e9
     )  # after the last station there is none
     left_s = problem.time_s[:-1, end, None] + lacks * fastest[:, None] + problem.overhead_s * (lacks > 0.0)
+    left_s -= problem.pause_s.sum()
 
     def drive(node, soc, spent):
         nonlocal best
@@ -50,11 +51,15 @@ def exhaustive(problem):
         here = np.array(
             [np.interp(a, levels, problem.charging_s[k]) for a, k in zip(arrival, there, strict=True)]
         )
-        arrived = spent + problem.time_s[node, there, None] + problem.overhead_s
+        arrived = (
+            spent + problem.time_s[node, there, None] + problem.overhead_s - problem.pause_s[there, None]
+        )
         arrived = np.where(soc >= problem.need[node, there, None], arrived, np.inf)
         charged = problem.charging_s[there][:, None, :] - here.reshape(*arrived.shape, 1)
         charged = np.where(
-            levels - MIN_GAIN_SOC >= arrival[:, :, None], np.maximum(charged, MIN_CHARGE_S), np.inf
+            levels - MIN_GAIN_SOC >= arrival[:, :, None],
+            np.maximum(charged, np.maximum(problem.pause_s, MIN_CHARGE_S)[there, None, None]),
+            np.inf,
         )
         total = (arrived[:, :, None] + charged).min(axis=1)
         for k in reversed(range(len(there))):

@@ -4,6 +4,7 @@ import itertools
 import json
 from dataclasses import dataclass, replace
 
+import numpy as np
 import pandas as pd
 import pytest
 from tests.roads.journey.made import COLD, KM_H, MADE, A, MadeRouter, journey
@@ -129,6 +130,28 @@ def test_a_pause_at_the_destination_counts_in_time_energy_and_flags(model):
     assert paused.soc_needed > at_once.soc_needed
     assert (paused.flags, at_once.flags[0].code) == ((), "no_pause")
     assert ("pause", 8.0 * HOUR_S) in [(flag.code, flag.value) for flag in paused.forecast.flags]
+
+
+def test_a_car_charges_in_the_pause_beside_a_station(model):
+    """Without a pause the stop costs its time; in the pause it takes only the time to plug in, also at a slow station."""
+    work = Station(47.0, 9.201, "Work", 11_000.0, direct_current=False)
+    atlas = replace(MADE, stations=(work, Station(47.0, 9.1, "Fast", 150_000.0, direct_current=True)))
+    low = replace(COLD, soc=0.5)
+    at_once, paused, short = (
+        journey(model, low, (A, TURN), atlas, round_trip=True, pause_s=pause_s)
+        for pause_s in (0.0, 8.0 * HOUR_S, 600.0)
+    )
+    assert [stop.station.name for stop in at_once.charging.stops] == ["Fast"]
+    (stop,) = paused.charging.stops
+    assert (stop.station, stop.pause_s, stop.charging_s) == (work, 8.0 * HOUR_S, 8.0 * HOUR_S)
+    assert paused.charging.charging_s == stop.overhead_s == 300.0
+    assert stop.soc_leave > 0.9
+    assert " for 8 h 00 min in the pause: " in stop.in_words()
+    assert paused.verdict.duration_s == pytest.approx(paused.verdict.driving_s + 300.0)
+    course = paused.charging.to_dict()["course"]
+    assert (np.diff(course["time_s"]) >= 0.0).all()
+    assert course["time_s"][-1] == pytest.approx(paused.charging.duration_s, abs=20.0)
+    assert [stop.station.name for stop in short.charging.stops] == ["Fast"]
 
 
 def test_a_pause_of_more_than_a_week_or_below_zero_is_a_fault():

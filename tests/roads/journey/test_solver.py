@@ -26,9 +26,10 @@ def test_the_sample_has_roads_with_and_without_a_plan_and_with_several_stops():
     assert sum(count >= 2 for count in stops) >= 5
 
 
+@pytest.mark.parametrize("stations", [None, 4])
 @pytest.mark.parametrize("seed", SAMPLE)
-def test_no_plan_that_is_tried_takes_less_time_and_the_plan_keeps_the_needs_of_its_legs(seed):
-    problem = made_problem(seed)
+def test_no_plan_that_is_tried_takes_less_time_and_the_plan_keeps_the_needs_of_its_legs(seed, stations):
+    problem = made_problem(seed, stations, paused=stations is not None)
     assert best_s(problem) == pytest.approx(exhaustive(problem), rel=1e-12)
     plan = least_time(problem)
     if plan is None:
@@ -83,7 +84,7 @@ def test_a_level_at_a_station_takes_the_least_time_of_all_ways_to_it(ways):
     arrival, total = np.array(ways).T
     charging = np.maximum(charging_s - np.interp(arrival, levels, charging_s)[:, None], MIN_CHARGE_S)
     charging = np.where(levels - MIN_GAIN_SOC >= arrival[:, None], charging, 1e9)
-    least, chosen = _best_charging(arrival, total, levels, charging_s)
+    least, chosen = _best_charging(arrival, total, levels, charging_s, MIN_CHARGE_S)
     reached = np.isfinite(least)
     assert reached.tolist() == (arrival.min() <= levels - MIN_GAIN_SOC).tolist()
     assert least[reached] == pytest.approx((total[:, None] + charging).min(axis=0)[reached], abs=1e-9)

@@ -350,6 +350,7 @@ def charging(answer: dict[str, Any], label: str, leave: float, minutes: float) -
         "needed_below": 0.14,
         "preheat": False,
         "if_full": full,
+        "pause_s": 0.0,
     }
     return {
         "label": label,

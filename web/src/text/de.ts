@@ -150,6 +150,7 @@ const de: Text = {
     navigate: "In einer Navigations-App öffnen",
     forThere: (time, arrival, leave, clock, day) =>
       `“ fahren und dort ${time} laden, von ${arrival} auf ${leave}; Ankunft dort${day && ` ${day}`} gegen ${clock}.`,
+    inPause: (time, isPause) => (isPause ? `${time} in der Pause` : time),
     chargeHere: "Hier laden: an „",
     forHere: (time, arrival, leave) => `“, ${time}, von ${arrival} auf ${leave}.`,
     turn: (place, soc, at) => `In ${place} gegen ${at} mit ${soc}.`,

@@ -145,6 +145,7 @@ export const en = {
     navigate: "Open in a navigation app",
     forThere: (time: string, arrival: string, leave: string, clock: string, day: string) =>
       `” and charge for ${time}, from ${arrival} to ${leave}; you are there${day && ` ${day}`} at about ${clock}.`,
+    inPause: (time: string, isPause: boolean) => (isPause ? `${time} in the pause` : time),
     chargeHere: "Charge here, at “",
     forHere: (time: string, arrival: string, leave: string) => `”, for ${time}, from ${arrival} to ${leave}.`,
     turn: (place: string, soc: string, at: string) => `At ${place} at about ${at} with ${soc}.`,

@@ -128,6 +128,7 @@ function StopRow({ of, isTold }: { of: Stop; isTold: boolean }) {
   const { duration, shown, span } = format.value;
   const { reserve } = requested.value.at;
   const { station, if_full: full } = of;
+  const time = words.inPause(span(of.charging_s), of.pause_s > 0);
   const at = clock.value;
   const after = at && new Date(at.leaves.getTime() + of.arrives_after_s * 1000);
   return (
@@ -141,9 +142,7 @@ function StopRow({ of, isTold }: { of: Stop; isTold: boolean }) {
         </span>
       </h4>
       <p>
-        <b>
-          {words.chargeFor(shown(of.soc_arrival, PERCENT), shown(of.soc_leave, PERCENT), span(of.charging_s))}
-        </b>
+        <b>{words.chargeFor(shown(of.soc_arrival, PERCENT), shown(of.soc_leave, PERCENT), time)}</b>
         <span class="figures">
           {of.position_m < HERE_M
             ? ` · ${words.here}`

@@ -146,7 +146,7 @@ function Whole({ now, isEmpty }: { now: Answer; isEmpty: boolean }) {
   const km = shown(now.distanceM, units.value.distance, now.distanceM < 100_000 ? 1 : 0);
   const parts = [
     turn.value?.pauseS && words.ofItPause(duration(turn.value.pauseS)),
-    now.chargingS > 0 && words.ofItCharging(duration(pluggedS), duration(now.overheadS)),
+    pluggedS > 0 && words.ofItCharging(duration(pluggedS), duration(now.overheadS)),
   ].filter(Boolean);
   return (
     <dl class="whole">
@@ -268,6 +268,7 @@ function StationLink({ of: { name, latitude_deg, longitude_deg } }: { of: Statio
 function StopText({ of, fromM }: { of: Stop; fromM: number }) {
   const { shown, span } = format.value;
   const { journey: words } = text.value;
+  const time = words.inPause(span(of.charging_s), of.pause_s > 0);
   const [arrival = "", leave = ""] = [of.soc_arrival, of.soc_leave].map((soc) => shown(soc, PERCENT));
   const at = clockAfter(of.arrives_after_s);
   const isHere = of.position_m < HERE_M;
@@ -275,7 +276,7 @@ function StopText({ of, fromM }: { of: Stop; fromM: number }) {
     <>
       {isHere ? words.chargeHere : words.driveTo(farText(of.position_m - fromM))}
       <StationLink of={of.station} />
-      {(isHere ? words.forHere : words.forThere)(span(of.charging_s), arrival, leave, ...at)}
+      {(isHere ? words.forHere : words.forThere)(time, arrival, leave, ...at)}
     </>
   );
 }

@@ -244,11 +244,10 @@ def open_atlas(settings: AtlasSettings | Path | str | None = None) -> Atlas:
     name = settings.map or os.environ.get(_MAP_VARIABLE, "")
     with Check() as check:
         router, folder = check(_open_roads, name) or (None, None)
-        places: PlaceSearch | None = None if folder is None else folder.index
-        if settings.places:
-            places = check(open_search, settings.places)
+        index = None if folder is None else folder.index
+        places = check(open_search, settings.places) if settings.places else index
         weather = check(WeatherServer.from_url, settings.weather) if settings.weather else None
-        stations = () if folder is None or settings.stations else check(folder.index.stations)
+        stations = () if index is None or settings.stations else check(index.stations)
         if settings.stations:
             stations = check(read_stations, settings.stations)
     assert router is not None  # `check` has raised its fault otherwise

@@ -17,7 +17,7 @@ from typing import Final
 import numpy as np
 
 from tripwatt.arrays import FloatArray
-from tripwatt.errors import Fault, InvalidInput, RemoteError, raise_faults
+from tripwatt.errors import Fault, or_none, raise_faults
 from tripwatt.forecasting import Forecast
 from tripwatt.roads.journey.atlas import Atlas
 from tripwatt.roads.journey.charging import OVERHEAD_S, WARM_DEGC, ChargingCurve, plugs_of
@@ -36,6 +36,8 @@ _DETOUR_M: Final = 3000.0
 """Stations farther from the road than this are not used: a choice, because there are nearer ones beside long roads."""
 _RESCUE_M: Final = 20_000.0
 """Who leaves below the reserve may also drive to a station this far from the start [m]: a choice, about what 8 % of a small battery last."""
+_WALK_M: Final = 500.0
+"""Distance of a station from the place of a pause at which the car charges during the pause [m]: a choice, a short walk."""
 _POINT_EVERY_M: Final = 500.0
 """Distance between the points of a road from which stations are searched [m]: a choice, small against `_DETOUR_M`."""
 _MAX_STATIONS: Final = 200
@@ -163,7 +165,6 @@ class Corridor:
     options: JourneyOptions
     via: tuple[Place, ...] = ()
     routed: dict[tuple[int, int], Leg | None] = field(default_factory=dict, init=False)
-    _widths: dict[float, FloatArray] = field(default_factory=dict, init=False)
     _leg_needs: dict[tuple[Leg, float, float], tuple[float, float]] = field(default_factory=dict, init=False)
 
     @cached_property
@@ -291,6 +292,17 @@ class Corridor:
             table[node] = self.curve.seconds(LEVELS, station, wh, degc)
         return table
 
+    @cached_property
+    def pause_s(self) -> FloatArray:
+        """Time of the pause at each node [s]; of the stations beside its place, the strongest on the way there has it."""
+        pause_s = np.zeros(len(self._position_m))
+        for pause in self.road.links.pauses:
+            beside = near(self.stations, [self.road.place_at(pause.position_m)], _WALK_M)
+            before = [k for k, _ in beside if self._position_m[k + 1] <= pause.position_m + 1.0]
+            if before and not pause.carried_m:
+                pause_s[1 + max(before, key=lambda k: self.stations[k].power_w)] = pause.duration_s
+        return pause_s
+
     def _at_nodes(self, values: FloatArray) -> FloatArray:
         """Interpolate values along the forecast at the nodes."""
         distance = self.forecast.along.distance_m
@@ -300,13 +312,12 @@ class Corridor:
     @cached_property
     def _estimates(self) -> tuple[FloatArray, FloatArray]:
         """Displayed charge that each leg takes, and its time [s], with the ways to and from stations; infinite if it leads back."""
-        forecast = self.forecast
-        taken = -self._at_nodes(forecast.along.expected_soc)
+        taken = -self._at_nodes(self.forecast.along.expected_soc)
         time = self._at_nodes(self.forecast.along.time_s)
         time += sum(p.duration_s * (self._position_m > p.position_m) for p in self.road.links.pauses)
         detour_s = self._detour_m / _DETOUR_M_S
-        soc_per_m = forecast.energy_wh / forecast.charge.wh_per_display / self.road.distance_m
-        detour_soc = self._detour_m * soc_per_m
+        whole_soc = self.forecast.energy_wh / self.forecast.charge.wh_per_display
+        detour_soc = self._detour_m / self.road.distance_m * whole_soc
         leg = taken - taken[:, None] + detour_soc + detour_soc[:, None] + self.preheat_soc
         leg_s = time - time[:, None] + detour_s + detour_s[:, None]
         leg_s[np.tril_indices(len(leg_s))] = np.inf
@@ -329,7 +340,9 @@ class Corridor:
             reserve = self.options.reserve - exempt * (i == 0 and j < len(taken) - 1)
             taken[i, j], need[i, j] = self._leg_need(leg, chance if i else first_chance, reserve)
             time[i, j] = leg.forecast.plan.elapsed_s
-        return StopProblem(soc, taken, need, time, self.charging_s, self.options.stop_overhead_s)
+        return StopProblem(
+            soc, taken, need, time, self.charging_s, self.options.stop_overhead_s, self.pause_s
+        )
 
     @property
     def _standing_start_cost(self) -> tuple[float, float]:
@@ -356,8 +369,6 @@ class Corridor:
 
         Common errors add up over the legs; drifts and readings are independent.
         """
-        if chance in self._widths:
-            return self._widths[chance]
         factor, wh = self.factor(chance), self.forecast.charge.wh_per_display
         scale = (factor / wh) ** 2
         width2 = self._at_nodes(self.forecast.along.expected_soc - self.forecast.along.soc(chance)) ** 2
@@ -366,8 +377,7 @@ class Corridor:
         reading2 = scale * (self.forecast.charge.displayed_sd * wh) ** 2
         common = np.maximum.accumulate(np.sqrt(common2))
         leg_drift2 = np.maximum(drift2 - drift2[:, None], 0.0)
-        self._widths[chance] = np.sqrt((common - common[:, None]) ** 2 + leg_drift2 + reading2)
-        return self._widths[chance]
+        return np.sqrt((common - common[:, None]) ** 2 + leg_drift2 + reading2)
 
     def factor(self, chance: float) -> float:
         """Return the number of standard deviations that an error stays below with a chance."""
@@ -420,12 +430,10 @@ class Corridor:
         start, end = self._place(i), self._place(j)
         if start.distance_m(end) < 2.0:  # a car that stands at the station drives there, too
             end = replace(end, latitude_deg=end.latitude_deg - math.copysign(_NUDGE_DEG, end.latitude_deg))
-        try:
-            road = self.atlas.router.roads((start, *via, end))[0]
-        except RemoteError:
-            raise
-        except InvalidInput:  # no road to this station
+        found = or_none(self.atlas.router.roads, (start, *via, end))
+        if found is None:  # no road to this station
             return None
+        road = found[0]
         for pause in self.road.links.pauses:
             if low <= pause.position_m < high and not pause.carried_m:
                 road = road.with_pause(pause.duration_s)

@@ -87,8 +87,7 @@ class RoadForecaster:
         InvalidInput
             As in the source of weather and `ForecastModel.forecast`.
         """
-        plan, weather = self.plan(road, trip_id, **changed)
-        return self.forecast_plan(plan, weather)
+        return self.forecast_plan(*self.plan(road, trip_id, **changed))
 
     def plan(self, road: Road, trip_id: str = "journey", **changed: Any) -> tuple[Plan, tuple[Weather, ...]]:
         """Make the plan of a road with its weather.

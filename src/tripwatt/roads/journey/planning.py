@@ -546,12 +546,8 @@ def _far_from_road(stops: Sequence[Place], road: Road) -> tuple[Flag, ...]:
     positions = 0.0, *road.stop_position_m, road.distance_m
     if len(positions) != len(stops):  # the router gave no positions of the places on the way
         return ()
-    distances = {p: p.distance_m(road.place_at(at)) for p, at in zip(stops, positions, strict=True)}
-    return tuple(
-        Flag("far_from_road", place.title, far_m, "m")
-        for place, far_m in distances.items()
-        if far_m > _NEAR_ROAD_M
-    )
+    far = {p.title: p.distance_m(road.place_at(at)) for p, at in zip(stops, positions, strict=True)}
+    return tuple(Flag("far_from_road", place, m, "m") for place, m in far.items() if m > _NEAR_ROAD_M)
 
 
 def _charging_flags(corridor: Corridor | None, plans: tuple[ChargingPlan, ...]) -> tuple[Flag, ...]:
@@ -606,10 +602,8 @@ def _leg_costs(leg: Leg, forecaster: RoadForecaster) -> dict[str, float]:
 
 def _speed_advice(forecaster: RoadForecaster, first: RoadForecast, reserve: float) -> SpeedAdvice | None:
     """Return the highest motorway speed that suffices; None if the road is certain enough as it is, or has hardly any motorway."""
-    if first.forecast.p_arrive(reserve) >= CERTAIN:
-        return None
-    road = first.road
-    if float(road.links.length_m[is_motorway(road)].sum()) < _MIN_MOTORWAY_M:
+    road, motorway_m = first.road, float(first.road.links.length_m[is_motorway(first.road)].sum())
+    if first.forecast.p_arrive(reserve) >= CERTAIN or motorway_m < _MIN_MOTORWAY_M:
         return None
     for speed in _MOTORWAY_SPEEDS_KM_H:
         slower = cap_motorway_speed(road, speed * M_S_PER_KM_H)

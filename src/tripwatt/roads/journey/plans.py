@@ -159,9 +159,10 @@ def _with_stops(
             min(float(problem.need[node, optimum.nodes[k + 2]]), 1.0),
             bool(leg.preheat_soc > 0.0),
             _next_station(corridor, optimum, problem, k),
+            float(problem.pause_s[node]),
         )
         stops.append(made)
-        elapsed += charging_s + overhead
+        elapsed += made.more_s
     return replace(plan, stops=tuple(stops))
 
 

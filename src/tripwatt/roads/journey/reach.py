@@ -9,12 +9,13 @@ from typing import Any, Final
 
 import numpy as np
 
-from tripwatt.errors import InvalidInput, RemoteError
+from tripwatt.errors import or_none
 from tripwatt.forecasting import Forecast
 from tripwatt.forecasting.along import first_empty
 from tripwatt.roads.journey.atlas import Atlas
 from tripwatt.roads.journey.forecasting import RoadForecaster
 from tripwatt.roads.routers import Road
+from tripwatt.roads.routers.road import no_road
 from tripwatt.routes.places import Place, bearings_deg
 from tripwatt.trips import Flag
 from tripwatt.trips.columns import require_fraction
@@ -115,17 +116,12 @@ def find_reach(forecaster: RoadForecaster, start: Place, atlas: Atlas, *, reserv
     >>> find_reach(forecaster, Place(47.14, 9.52), open_atlas("map"), reserve=0.1)  # doctest: +SKIP
     """
     reserve = require_fraction("reserve", reserve)
-    roads, last_error = [], None
     forecaster = replace(forecaster, heights=atlas.heights_around([start]))
-    for place in _choose_targets(forecaster, start, atlas):
-        try:
-            roads.append(atlas.router.roads((start, place))[0])
-        except RemoteError:
-            raise
-        except InvalidInput as error:
-            last_error = error
+    targets = _choose_targets(forecaster, start, atlas)
+    found = [or_none(atlas.router.roads, (start, place)) for place in targets]
+    roads = [several[0] for several in found if several]
     if not roads:
-        raise last_error or InvalidInput([])
+        raise no_road([start, *targets[:1]], "no road away from the start")
     return reach_along(
         roads, [forecaster.forecast(road, "reach") for road in roads], start, reserve, atlas.attribution
     )

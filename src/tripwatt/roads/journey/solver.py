@@ -47,15 +47,20 @@ class StopProblem:
         Time to charge from empty to each of `levels` at each station [s].
     overhead_s : float
         Time of each stop besides charging [s].
+    pause_s : ndarray, shape (nodes,)
+        Pause of the journey at each station [s], which the legs have. The car charges meanwhile, and leaves no sooner.
 
     Examples
     --------
     >>> taken = np.array([[0.0, 0.5, 0.9], [0.0, 0.0, 0.4], [0.0, 0.0, 0.0]])
     >>> time = np.where(taken > 0.0, 1e4 * taken, np.inf)
-    >>> problem = StopProblem(0.8, taken, taken + 0.1, time, np.tile(3600.0 * LEVELS, (3, 1)), 300.0)
+    >>> problem = StopProblem(0.8, taken, taken + 0.1, time, np.tile(3600.0 * LEVELS, (3, 1)), 300.0, np.zeros(3))
     >>> plan = least_time(problem)
     >>> plan.nodes, plan.levels, round(plan.duration_s)
     ((0, 1, 2), (0.8, 0.5), 10020)
+    >>> in_pause = least_time(replace(problem, pause_s=np.array([0.0, 1800.0, 0.0])))
+    >>> in_pause.levels, round(in_pause.duration_s)
+    ((0.8, 0.8), 9300)
     """
 
     start_soc: float
@@ -64,6 +69,12 @@ class StopProblem:
     time_s: FloatArray
     charging_s: FloatArray
     overhead_s: float
+    pause_s: FloatArray
+
+    @property
+    def least_s(self) -> FloatArray:
+        """Shortest time of charging at each node [s]."""
+        return np.maximum(self.pause_s, MIN_CHARGE_S)
 
     @property
     def levels(self) -> FloatArray:
@@ -72,14 +83,14 @@ class StopProblem:
         return np.asarray(np.arange(count) / (count - 1))
 
     def charge_s(self, node: int, arrival: float, leave: float) -> float:
-        """Return the time to charge at a station from one charge to another [s], at least `MIN_CHARGE_S`."""
+        """Return the time to charge at a station from one charge to another [s], at least `least_s`."""
         to_arrival_s, to_leave_s = np.interp([arrival, leave], self.levels, self.charging_s[node])
-        return float(max(to_leave_s - to_arrival_s, MIN_CHARGE_S))
+        return float(max(to_leave_s - to_arrival_s, self.least_s[node]))
 
     def level_after(self, node: int, arrival: float, leave: float) -> float:
-        """Return the level to leave a station with: `leave`, or the level that `MIN_CHARGE_S` gives if it is higher."""
+        """Return the level to leave a station with: `leave`, or the level that `least_s` gives if it is higher."""
         to_arrival_s = np.interp(arrival, self.levels, self.charging_s[node])
-        reached = np.interp(to_arrival_s + MIN_CHARGE_S, self.charging_s[node], self.levels)
+        reached = np.interp(to_arrival_s + self.least_s[node], self.charging_s[node], self.levels)
         return max(leave, float(self.levels[np.searchsorted(self.levels, reached, side="right") - 1]))
 
     def duration_s(self, nodes: tuple[int, ...], levels: tuple[float, ...]) -> float:
@@ -87,14 +98,15 @@ class StopProblem:
         total = sum(float(self.time_s[pair]) for pair in pairwise(nodes))
         for k in range(1, len(levels)):
             arrival = levels[k - 1] - float(self.taken[nodes[k - 1], nodes[k]])
-            total += self.charge_s(nodes[k], min(max(arrival, 0.0), 1.0), levels[k]) + self.overhead_s
+            total += self.charge_s(nodes[k], min(max(arrival, 0.0), 1.0), levels[k])
+            total += self.overhead_s - float(self.pause_s[nodes[k]])
         return total
 
     def among(self, nodes: IntArray) -> StopProblem:
         """Return the problem with only some nodes, ascending; the first becomes the start, the last the destination."""
         square = np.ix_(nodes, nodes)
-        taken, need, time = self.taken[square], self.need[square], self.time_s[square]
-        return replace(self, taken=taken, need=need, time_s=time, charging_s=self.charging_s[nodes])
+        square_ones = {name: getattr(self, name)[square] for name in ("taken", "need", "time_s")}
+        return replace(self, charging_s=self.charging_s[nodes], pause_s=self.pause_s[nodes], **square_ones)
 
 
 @dataclass(frozen=True, slots=True)
@@ -128,7 +140,7 @@ def least_time(problem: StopProblem) -> StopPlan | None:
     -------
     StopPlan or None
         The exact optimum for the levels of the problem. A stop gains at least `MIN_GAIN_SOC`. A car that reaches a level in less than
-        `MIN_CHARGE_S` charges for that time.
+        `StopProblem.least_s` charges for that time.
     """
     levels = problem.levels
     n, count = problem.charging_s.shape
@@ -149,25 +161,26 @@ def least_time(problem: StopProblem) -> StopPlan | None:
         if node == n - 1:
             return _trace_plan(problem, before, int(way[np.argmin(total)]))
         arrival = np.clip((soc[origins] - problem.taken[origins, node, None]).ravel()[ways], 0.0, 1.0)
-        cost[node], chosen = _best_charging(arrival, total, levels, problem.charging_s[node])
-        cost[node] += problem.overhead_s
+        at_node = problem.charging_s[node], float(problem.least_s[node])
+        cost[node], chosen = _best_charging(arrival, total, levels, *at_node)
+        cost[node] += problem.overhead_s - problem.pause_s[node]
         before[node] = way[chosen]
     return None
 
 
 def _best_charging(
-    arrival: FloatArray, total: FloatArray, levels: FloatArray, charging_s: FloatArray
+    arrival: FloatArray, total: FloatArray, levels: FloatArray, charging_s: FloatArray, least_s: float
 ) -> tuple[FloatArray, IntArray]:
     """Return the least time to leave a station with each level, and the index of the way that gives it.
 
-    For each level, the candidates are the best way that charges for `MIN_CHARGE_S` or longer, and the best that reaches the level sooner.
+    For each level, the candidates are the best way that charges for `least_s` or longer, and the best that reaches the level sooner.
     """
     order = np.argsort(arrival)
     arrival, total = arrival[order], total[order]
     to_arrival_s = np.interp(arrival, levels, charging_s)
     base = total - to_arrival_s
     below = np.searchsorted(arrival, levels - MIN_GAIN_SOC, side="right")
-    long = np.minimum(np.searchsorted(to_arrival_s, charging_s - MIN_CHARGE_S, side="right"), below)
+    long = np.minimum(np.searchsorted(to_arrival_s, charging_s - least_s, side="right"), below)
     low = _running_best(base)[np.maximum(long - 1, 0)]
     charged = np.where(long > 0, base[low] + charging_s, np.inf)
     # the least of a range is that of the least rank, which also gives its index
@@ -175,7 +188,7 @@ def _best_charging(
     rank = np.append(np.argsort(by_total), len(total))
     least = np.minimum.reduceat(rank, np.column_stack((long, below)).ravel())[::2]
     short = by_total[np.minimum(least, len(total) - 1)]
-    waited = np.where(long < below, total[short] + MIN_CHARGE_S, np.inf)
+    waited = np.where(long < below, total[short] + least_s, np.inf)
     return np.minimum(charged, waited), order[np.where(charged <= waited, low, short)]
 
 
@@ -188,12 +201,10 @@ def _running_best(values: FloatArray) -> IntArray:
 def _trace_plan(problem: StopProblem, before: IntArray, way: int) -> StopPlan:
     """Follow the ways back to the start; a way is the number of a node and a level, and `before` has the way before each."""
     nodes, levels = [len(before) - 1], []
-    while True:
+    while nodes[-1]:
         node, level = divmod(way, before.shape[1])
         nodes.append(node)
         levels.append(float(problem.levels[level]) if node else problem.start_soc)
-        if node == 0:
-            break
         way = int(before[node, level])
     plan, charges = tuple(nodes[::-1]), levels[::-1]
     for k in range(1, len(charges)):

@@ -100,6 +100,8 @@ class ChargingStop:
         Whether the battery is heated for the stop.
     if_full : NextStation or None
         Station to go to if this one is occupied; None if no other station helps.
+    pause_s : float
+        Part of `charging_s` that is a pause of the journey [s].
 
     Examples
     --------
@@ -122,6 +124,12 @@ class ChargingStop:
     needed_below: float = 1.0
     preheat: bool = False
     if_full: NextStation | None = None
+    pause_s: float = 0.0
+
+    @property
+    def more_s(self) -> float:
+        """Time that the stop adds to the journey [s]."""
+        return self.charging_s + self.overhead_s - self.pause_s
 
     def to_dict(self) -> dict[str, Any]:
         """Convert the stop to plain values.
@@ -151,7 +159,7 @@ class ChargingStop:
         )
         text = (
             f"Charge at {self.station.place.title} ({self.station.power_in_words}) {where}{at} "
-            f"for {period(self.charging_s)}: you arrive there with {arrival} % ({low} to {high} %) and leave with {leave} %. "
+            f"for {period(self.charging_s)}{' in the pause' * (self.pause_s > 0.0)}: you arrive there with {arrival} % ({low} to {high} %) and leave with {leave} %. "
             f"Needed only below {math.ceil(100.0 * self.needed_below - 1e-6)} %."
         )
         if self.if_full is not None:
@@ -313,8 +321,8 @@ class ChargingPlan:
 
     @property
     def charging_s(self) -> float:
-        """Time at stations with overheads [s]."""
-        return sum(stop.charging_s + stop.overhead_s for stop in self.stops)
+        """Time at stations with overheads, without that of pauses [s]."""
+        return sum(stop.more_s for stop in self.stops)
 
     @property
     def duration_s(self) -> float:
@@ -371,7 +379,7 @@ class ChargingPlan:
         """
         tables, time_s, distance_m, energy_wh = [], 0.0, 0.0, 0.0
         common_wh, independent_wh2 = np.zeros((1, 2)), np.zeros((1, 2))
-        waits_s = [*(stop.charging_s + stop.overhead_s for stop in self.stops), 0.0]
+        waits_s = [*(stop.more_s for stop in self.stops), 0.0]
         for leg, wait_s in zip(self.legs, waits_s, strict=True):
             table = leg.forecast.to_frame()
             table["distance_m"] *= leg.road.distance_m / float(table["distance_m"].iloc[-1])

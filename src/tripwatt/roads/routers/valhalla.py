@@ -99,10 +99,7 @@ class ValhallaRouter:
             answer = client.request("POST", "/tile", body=request)
             return answer.body if answer.status == _HTTP_OK else b""  # 400 if the map has no roads there
 
-        def ask(action: str, request: dict[str, Any]) -> Any:
-            return client.post_json(f"/{action}", request)
-
-        return cls(ask, tile, at_once=True)
+        return cls(lambda action, request: client.post_json(f"/{action}", request), tile, at_once=True)
 
     def roads(self, stops: Sequence[Place], *, alternatives: int = 0) -> tuple[Road, ...]:
         """See `Router.roads`. If alternatives are wanted, the shortest is one of them, unless it is the fastest or far slower."""
@@ -136,9 +133,7 @@ class ValhallaRouter:
             rings = geometry["coordinates"].entries(min_count=1)
             is_multiple = geometry["type"].value == "MultiPolygon"
             outer = [polygon.entries(min_count=1)[0] for polygon in rings] if is_multiple else rings[:1]
-            for corner in (corner for ring in outer for corner in ring.entries()):
-                longitude, latitude = (degrees.number() for degrees in corner.entries(min_count=2)[:2])
-                places.append(Place(latitude, longitude))
+            places += [Place(*corner) for ring in outer for corner in ring.coordinates()[:, :2].tolist()]
         return tuple(places)
 
     def tile(self, zoom: int, column: int, row: int) -> bytes:
