@@ -254,7 +254,7 @@ def demo(
         Path(place).mkdir(exist_ok=True)
         settings, token = make_demo(Path(place), lambda step: print_notes([f"making: {step}"]))
         if not settings.atlas.map:
-            print_notes(["no map: install the extra routing on Python 3.12 or later"])
+            print_notes(["no map: it needs the extra routing on Python 3.12, even with TRIPWATT_VALHALLA"])
         samples, request = depart(settings), examples()[DRIVE]["request"]
         logged = {name: request[name] for name in ("soc", "ambient_temperature_degc", "cabin_setpoint_degc")}
         link = urlencode({"trip": "examples", "example": DRIVE, "beforeDeparture": "logged", **logged})

@@ -103,6 +103,21 @@ def test_what_is_there_is_used_again(made: Settings, monkeypatch: pytest.MonkeyP
     assert demo.make_demo(made.cars.parent)[0] == made
 
 
+def test_a_car_of_a_demo_that_was_killed_is_made_anew(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("tripwatt.server.http.demo.find_spec", lambda name: None)
+    with monkeypatch.context() as killed:
+        killed.setattr(Car, "add", lambda car, logs: (_ for _ in ()).throw(KeyboardInterrupt()))
+        with pytest.raises(KeyboardInterrupt):
+            demo.make_demo(tmp_path)
+    assert not (tmp_path / "cars").exists()
+    settings, _ = demo.make_demo(tmp_path)
+    assert settings.cars is not None
+    assert len(open_car(settings.cars / demo.CAR).diary) == 14
+    assert [entry.name for entry in tmp_path.iterdir()] == ["cars"]
+
+
 @pytest.mark.skipif(valhalla_folder() is None, reason="needs Valhalla's programs: TRIPWATT_VALHALLA")
 def test_the_map_has_heights_stations_and_its_own_words(tmp_path: Path) -> None:
     place = demo.example_map(tmp_path)

@@ -112,18 +112,15 @@ def openapi_document() -> dict[str, Any]:
 
 def _add_page(app: FastAPI) -> None:
     """Add a route per file of the page; a mount at `/` would turn status 405 of other paths into 404."""
-    if not PAGE.is_dir():
-        return
-    files = PageFiles(directory=PAGE)
+    files = PageFiles(directory=PAGE, check_dir=False)  # a page that is not built has no files
 
     async def respond(name: str, request: Request) -> Response:
         return await files.get_response(name, request.scope)
 
-    for file in PAGE.iterdir():
-        if file.is_file():
-            path = "/" if file.name == "index.html" else f"/{file.name}"
-            app.add_route(path, partial(respond, file.name), include_in_schema=False)
-    app.mount("/assets", PageFiles(directory=PAGE / "assets"), name="assets")
+    for file in PAGE.glob("*.*"):
+        path = "/" if file.name == "index.html" else f"/{file.name}"
+        app.add_route(path, partial(respond, file.name), include_in_schema=False)
+    app.mount("/assets", PageFiles(directory=PAGE / "assets", check_dir=False), name="assets")
 
 
 def _add_handlers(app: FastAPI) -> None:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import itertools
+import os
+import shutil
 import time
 import urllib.request
 from collections.abc import Callable, Iterator, Mapping
@@ -57,11 +59,14 @@ def make_demo(folder: Path, progress: Callable[[str], object] = lambda step: Non
     if find_spec("valhalla") is not None and find_spec("osmium") is not None:
         progress("map of a made-up country")
         atlas = AtlasSettings(str(example_map(folder)))
-    cars = folder / "cars"
+    cars, unfinished = folder / "cars", folder / "unfinished"
     if not (cars / CAR).is_dir():
         sample = sample_trips()
         progress(f"car with the diary of {len(sample) - 1} real trips")
-        create_car(cars / CAR, EXAMPLE_CAR, label="Example car").add(replace(sample, logs=sample.logs[:-1]))
+        shutil.rmtree(unfinished, ignore_errors=True)  # of a demo that was killed
+        car = create_car(unfinished / CAR, EXAMPLE_CAR, label="Example car")
+        car.add(replace(sample, logs=sample.logs[:-1]))
+        os.renames(unfinished / CAR, cars / CAR)
     return Settings(atlas=atlas, cars=cars), issue_token(cars / CAR)
 
 
@@ -107,11 +112,10 @@ def depart(settings: Settings) -> Drive:
 def _samples(trip: Mapping[str, Any], begins_s: float) -> Drive:
     """Yield time and values of the samples of an example, one every `EVERY_S`."""
     measured = {**trip["request"]["samples"], **trip["observed"]}
-    names = [name for name in measured if name != "time_s"]
-    after_s = np.array(measured["time_s"]) - measured["time_s"][0]
-    rows = np.searchsorted(after_s, np.arange(0.0, after_s[-1], EVERY_S))
-    for k in rows.tolist():
-        yield begins_s + float(after_s[k]), {name.removeprefix("bms_"): measured[name][k] for name in names}
+    time_s = np.array(measured.pop("time_s"))
+    for k in np.searchsorted(time_s, np.arange(time_s[0], time_s[-1], EVERY_S)).tolist():
+        now_s = begins_s + float(time_s[k] - time_s[0])
+        yield now_s, {name.removeprefix("bms_"): values[k] for name, values in measured.items()}
 
 
 def send(samples: Drive, url: str, token: str) -> None:
@@ -124,8 +128,7 @@ def send(samples: Drive, url: str, token: str) -> None:
             "voltage": values["voltage_v"],
             "current": values["current_a"],
         }
-        body = orjson.dumps({"token": token, "tlm": message})
-        headers, to = {"Content-Type": "application/json"}, f"{url}/v1/telemetry"
-        request = urllib.request.Request(to, body, headers, method="POST")
+        body, headers = orjson.dumps({"token": token, "tlm": message}), {"Content-Type": "application/json"}
+        request = urllib.request.Request(f"{url}/v1/telemetry", body, headers, method="POST")
         with urllib.request.urlopen(request, timeout=EVERY_S):
             pass
