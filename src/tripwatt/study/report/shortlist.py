@@ -25,11 +25,11 @@ def short_table_models(view: View) -> list[str]:
     (the best other baseline), the simulation (the best physics alone), a learner (the best model without physics).
     The best model has the lowest mean error in the main evaluation. The forecast comes last, preceded by its
     variant with only published values of the car if the run has that. Where a paper has published errors on the data
-    set, the models are those of the paper: its own, and the learners without physics.
+    set, the models are those of the paper, our simulation, and the learners without physics.
     """
     names = view.models
     if view.published:
-        return [name for name in names if name in view.published or model_style(name).kind == "data"]
+        return [n for n in names if n in view.published or model_style(n).kind in ("physics", "data")]
     if len(names) <= SHORT_ROWS:
         return names
     models = view.main["models"]
