@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from tripwatt.arrays import eigen
+from tripwatt.arrays import covariance_factor, eigen
 
 
 @pytest.fixture
@@ -21,6 +21,13 @@ def test_values_ascend_and_rebuild_the_matrix(covariance: np.ndarray) -> None:
     found = eigen(covariance)
     assert (np.diff(found[0]) >= 0.0).all()
     np.testing.assert_allclose(rebuilt(found), covariance, rtol=1e-9, atol=1e-6)
+
+
+def test_a_factor_rebuilds_a_singular_covariance(covariance: np.ndarray) -> None:
+    covariance[:, 3] = covariance[3] = 0.0
+    covariance[5, 6] *= 1.0 + 1e-12
+    factor = covariance_factor(covariance)
+    np.testing.assert_allclose(factor @ factor.T, covariance, rtol=1e-9, atol=1e-6)
 
 
 def test_another_algorithm_answers_where_the_first_one_fails(

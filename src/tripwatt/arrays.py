@@ -66,6 +66,18 @@ def eigen(symmetric: FloatArray) -> tuple[FloatArray, FloatArray]:
     return np.asarray(values), np.asarray(vectors)
 
 
+def covariance_factor(covariance: FloatArray) -> FloatArray:
+    """Factor `L` of a covariance ``L @ L.T``, shape of the covariance, which may be singular and unsymmetric by rounding. O(n^3).
+
+    Examples
+    --------
+    >>> covariance_factor(np.diag([4.0, 1.0])) ** 2 @ np.ones(2)
+    array([4., 1.])
+    """
+    values, vectors = eigen(0.5 * (covariance + covariance.T))
+    return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0)))
+
+
 def hold_last(time: FloatArray, values: FloatArray, hold_s: float) -> FloatArray:
     """Values in which a missing value (NaN) is replaced by the last known one, if that is at most `hold_s` old.
 

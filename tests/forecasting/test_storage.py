@@ -103,7 +103,7 @@ def test_a_model_of_an_older_format_is_refused_and_stays(tmp_path: Path) -> None
 
 def test_model_of_the_package_is_small_sound_and_attributed() -> None:
     about = load_metadata()
-    assert sum(f.stat().st_size for f in model_folder().iterdir()) < 1_000_000
+    assert sum(f.stat().st_size for f in model_folder().iterdir()) < 500_000
     assert "CC BY 4.0" in about["provenance"]["data"]["citation"]
     assert about["evaluation"]["trips"] == about["model"]["trips"] == len(about["provenance"]["trips_used"])
     forecast = load_model().forecast(synthetic_fleet(1).trips[0])

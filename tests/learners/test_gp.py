@@ -94,6 +94,17 @@ def test_arrays_hold_everything():
     assert all(a.dtype.kind in "fU" for a in model.to_arrays().values())
 
 
+def test_the_factor_is_a_triangle_and_no_wider_than_the_prior():
+    X, _, y, site = clusters()
+    model = AdditiveGP(PARTS, effect_sd=1.0).fit(X, y, site)
+    assert not np.triu(model.factor_, 1).any()
+    features = model.features(X)[0]
+    posterior, prior = (
+        (factor**2).sum(axis=1) for factor in (model.factor(features), model.prior_factor(features))
+    )
+    assert (posterior < 0.2 * prior).all()
+
+
 def test_missing_columns_and_groups_are_named():
     X, _, y, site = clusters()
     with pytest.raises(InvalidInput, match=r"age(.|\n)*missing column|missing column(.|\n)*age"):

@@ -10,14 +10,16 @@ import json
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
+import numpy.typing as npt
 import pandas as pd
 
 from tools import DATA
 from tools.command import run
 from tools.data.population import CITATIONS
+from tripwatt.arrays import FloatArray
 from tripwatt.sources import read_logs
 from tripwatt.sources.sample import FOLDER
 from tripwatt.trips import Flag, Log, TripSet
@@ -103,9 +105,30 @@ def _quote(value: object) -> str:
 def write_sample(name: str, sample: TripSet, out: Path) -> None:
     """Write the table and the text of one sample into a folder."""
     table = pd.concat([log.samples for log in sample.logs])
-    columns = {f"{column}": table[column].to_numpy() for column in table}
-    np.savez_compressed(out / f"{name}.npz", allow_pickle=False, **columns)
+    arrays: dict[str, npt.NDArray[Any]] = {}
+    for column in table:
+        arrays |= listed(f"{column}", table[column].to_numpy(dtype=np.float64))
+    np.savez_compressed(out / f"{name}.npz", allow_pickle=False, **arrays)
     (out / f"{name}.toml").write_text(text_of(sample), "utf-8")
+
+
+def listed(name: str, values: FloatArray) -> dict[str, npt.NDArray[Any]]:
+    """A column as differences of the places of its values in a list of them, and the list in whole parts of a unit if it has so few decimals.
+
+    This deflates to two thirds of the bytes of the values, and `sample_trips` makes the same bits of it.
+    """
+    distinct, places = np.unique(values + 0.0, return_inverse=True)  # + 0.0 makes a zero of a minus zero
+    steps = np.diff(places, prepend=0)
+    whole, parts = distinct, 1.0
+    for power in (1.0, 10.0, 100.0, 1000.0, 10_000.0):
+        if np.array_equal(np.rint(distinct * power) / power, distinct, equal_nan=True):
+            whole, parts = np.rint(distinct * power), power
+            break
+    return {
+        name: steps.astype(np.min_scalar_type(-1 - int(np.abs(steps).max()))),
+        f"{name}.whole": whole,
+        f"{name}.parts": np.array(parts),
+    }
 
 
 def main(data: Path = DATA, out: Path = FOLDER) -> None:

@@ -8,7 +8,7 @@ from typing import Any, ClassVar, Final
 
 import numpy as np
 
-from tripwatt.arrays import FloatArray, IntArray, eigen
+from tripwatt.arrays import FloatArray, IntArray, covariance_factor
 from tripwatt.files import shipped_toml
 from tripwatt.fleet.features import segment_features
 from tripwatt.hybrid import SegmentTable
@@ -139,8 +139,7 @@ class FleetCorrector(PowerCorrector):
         cls, mean: FloatArray, covariance: FloatArray, trees: FleetTrees = FleetTrees()
     ) -> FleetCorrector:
         """Make the correction from the posterior mean and covariance of the vehicle's weights."""
-        values, vectors = eigen(0.5 * (covariance + covariance.T))
-        return cls(mean, vectors * np.sqrt(np.maximum(values, 0.0)), trees)
+        return cls(mean, covariance_factor(covariance), trees)
 
     def predict_with_uncertainty(self, table: SegmentTable) -> tuple[FloatArray, FloatArray]:
         """Predict the residual power [W], and its uncertainty [W] from that of the weights; the trees add none."""

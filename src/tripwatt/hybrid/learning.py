@@ -20,7 +20,7 @@ from typing import Final
 
 import numpy as np
 
-from tripwatt.arrays import FloatArray, IntArray, eigen
+from tripwatt.arrays import FloatArray, IntArray, covariance_factor
 from tripwatt.hybrid.factors import (
     CLIMATE,
     EVERYTHING,
@@ -203,11 +203,9 @@ class Experts:
     def corrector(self, vehicle: Vehicle) -> FactorCorrector:
         """Make the corrector of the car from the mixture of all experts."""
         mean, covariance = self.collapsed()
-        values, vectors = eigen(0.5 * (covariance + covariance.T))
-        factor = vectors * np.sqrt(np.maximum(values, 0.0))
         drift_sd = float(np.sqrt(self.weights @ self.drift))
         day = self.day if np.isfinite(self.day) else None
-        return FactorCorrector(vehicle.body.test_mass_kg, mean, factor, day, drift_sd)
+        return FactorCorrector(vehicle.body.test_mass_kg, mean, covariance_factor(covariance), day, drift_sd)
 
     def at(self, day: float) -> Experts:
         """Move the experts to another day: the drift fades towards its prior. An unknown day counts as `USUAL_DAYS` later."""

@@ -20,7 +20,7 @@ import numpy.typing as npt
 import pandas as pd
 from numpy.linalg import cholesky, solve
 
-from tripwatt.arrays import FloatArray, eigen
+from tripwatt.arrays import FloatArray, covariance_factor
 from tripwatt.errors import Fault, InvalidInput, raise_faults
 
 _JITTER: Final = 1e-8
@@ -73,8 +73,8 @@ class AdditiveGP:
     ----------
     variances_ : ndarray
         Variance of each term, of the group effect, and of the proportion of `share_column`.
-    weights_, covariance_ : ndarray, shapes (features,) and (features, features)
-        Posterior of the features' weights.
+    weights_, factor_ : ndarray, shapes (features,) and (features, features)
+        Posterior of the features' weights: their mean, and the lower triangle `L` of their covariance ``L @ L.T``.
 
     Examples
     --------
@@ -200,7 +200,7 @@ class AdditiveGP:
 
     def to_arrays(self) -> dict[str, npt.NDArray[Any]]:
         """Return everything that prediction needs, as plain arrays."""
-        arrays: dict[str, npt.NDArray[Any]] = {
+        return {
             "weights": self.weights_,
             "factor": self.factor_,
             "variances": self.variances_,
@@ -208,10 +208,9 @@ class AdditiveGP:
             "means": np.array(list(self.means_.values())),
             "sds": np.array([self.sds_[c] for c in self.means_]),
             "ranges": np.array([self.ranges_[c] for c in self.means_]),
+            **{f"points{i}": points for i, points in self.points_.items()},
+            **{f"whitener{i}": whitener for i, whitener in self.whiteners_.items()},
         }
-        for i, points in self.points_.items():
-            arrays[f"points{i}"], arrays[f"whitener{i}"] = points, self.whiteners_[i]
-        return arrays
 
     def load_arrays(self, arrays: dict[str, npt.NDArray[Any]]) -> Self:
         """Reverse of `to_arrays`, on a model made with the same settings."""
@@ -294,9 +293,9 @@ class AdditiveGP:
         prior = self._by_feature(self.variances_[: len(self.terms)])
         gain = solve(K, totals * prior).T
         self.weights_ = np.asarray(gain @ target)
-        covariance = np.diag(prior) - gain @ (totals * prior)
-        values, vectors = eigen(0.5 * (covariance + covariance.T))
-        self.factor_ = np.asarray(vectors * np.sqrt(np.maximum(values, 0.0)))
+        factor = covariance_factor(np.diag(prior) - gain @ (totals * prior))
+        # half of it is zeros, which take no space in a stored model
+        self.factor_ = np.asarray(np.linalg.qr(factor.T, mode="r")).T
 
     def _variances(
         self,

@@ -48,7 +48,8 @@ def sample_trips(dataset: str = "tum") -> TripSet:
         raise InvalidInput(Fault.unknown("unknown data set", "dataset", dataset, SAMPLES))
     about = shipped_toml(f"sources/data/{dataset}.toml")
     with np.load(FOLDER / f"{dataset}.npz") as file:
-        table = pd.DataFrame(dict(file))
+        lists = {name: file[f"{name}.whole"] / file[f"{name}.parts"] for name in file if "." not in name}
+        table = pd.DataFrame({name: values[np.cumsum(file[name])] for name, values in lists.items()})
     logs = []
     for row in about["trips"]:
         samples, table = table.iloc[: row["rows"]].reset_index(drop=True), table.iloc[row["rows"] :]
