@@ -21,8 +21,8 @@ SWITCH: Final = Path("src/tripwatt/errors.py")
 
 SENTENCES: Final = (
     (
-        "## Install from a clone\n\nYou need Python 3.11 or newer and `make`.\n",
-        "## Install\n\n`pip install tripwatt`, with Python 3.11 or newer. In a clone, with `make`:\n",
+        "## Install from a clone\n\nYou need `make` and Python 3.11 or newer; a map needs 3.12.\n",
+        "## Install\n\n`pip install tripwatt`, with Python 3.11 or newer; a map needs 3.12. In a clone, with `make`:\n",
     ),
     ("(`pip install -e .` in a clone)", "(`pip install tripwatt`)"),
 )
