@@ -120,7 +120,7 @@ def outcomes(name: str, trips: Sequence[Trip], car: Vehicle) -> dict[tuple[str, 
             shown = shown[np.isfinite(shown)]
             falls = len(shown) > 1 and bool(shown[0] > shown[-1])
             fell = float(shown[0] - shown[-1]) if falls else observed
-            far_m = asked.inverse(fell, QUANTILE, 1 if falls else 0)
+            (far_m,) = asked.inverse(fell, (QUANTILE,), 1 if falls else 0)
             low, middle, most, high = (energy / observed).tolist()
             row = (observed, 1.0 / most, far_m / trip.distance_m, low, middle, high)
             found.setdefault((known, road), []).append(row)

@@ -89,5 +89,5 @@ def test_the_climb_ahead_costs_what_each_piece_of_road_costs_beyond_its_expected
     assert drive.climb_for(1.01 * float(drive.more_wh(most, from_m)), from_m) == np.inf
     assert drive.climb_for(1.0, way[-1]) == np.inf
     excess = Excess(ConformalScores.from_errors([0.5, 1.0, 2.0]), found, way)
-    assert excess.end.climb.offsets_wh.tolist() == found.offsets_wh[:, -1:].tolist()
-    assert excess.end.expected_wh.tolist() == excess.expected_wh[-1:].tolist()
+    assert excess.at(-1).climb.offsets_wh.tolist() == found.offsets_wh[:, -1:].tolist()
+    assert excess.at(-1).expected_wh.tolist() == excess.expected_wh[-1:].tolist()

@@ -268,7 +268,7 @@ class Along:
         """
         levels, wh = np.array(p, dtype=np.float64), self.wh_per_display
         sd_wh = np.repeat([self.energy_sd_wh[-1], self.charge_sd[-1] * wh], len(p))
-        excess_wh = self.excess.end.quantiles(np.concatenate((levels, 1.0 - levels)), sd_wh)
+        excess_wh = self.excess.at(-1).quantiles(np.concatenate((levels, 1.0 - levels)), sd_wh)
         half, charge_excess_wh = np.abs(excess_wh[: len(p)]), excess_wh[len(p) :]
         below = possible_energy(self.energy_wh[-1], half, self.min_wh[-1])
         energy_wh = np.where(levels >= 0.5, self.energy_wh[-1] + half, below)
@@ -396,7 +396,7 @@ class Arrival:
     def _above(self, soc: FloatArray) -> FloatArray:
         along, wh = self.along, self.along.wh_per_display
         more_wh, sd_wh = (along.charge[-1:] - soc) * wh, along.charge_sd[-1:] * wh
-        return along.excess.end.probability_below(more_wh, sd_wh)
+        return along.excess.at(-1).probability_below(more_wh, sd_wh)
 
 
 def at_fractions(name: str, values: F, result: Callable[[FloatArray], FloatArray]) -> F:

@@ -350,7 +350,7 @@ class Forecast:
             return float(self.energy_wh <= energy_wh)
         along = self.along
         below = distance_below(self.energy_wh, energy_wh, float(along.min_wh[-1]))
-        return float(along.excess.end.probability_below(np.array([-below]), along.energy_sd_wh[-1:])[0])
+        return float(along.excess.at(-1).probability_below(np.array([-below]), along.energy_sd_wh[-1:])[0])
 
     @cached_property
     def charge(self) -> ChargeScale:

@@ -67,7 +67,7 @@ class ClimateRecord:
         # a running compressor draws more than 50 W, and its least power in a quarter of at least a minute; choices
         running = compressor_w[compressor_w > 50.0]
         return cls(
-            task.mean_speeds(task.edges()),
+            task.mean_speeds(),
             ambient,
             start,
             (time[last] - time[0]) / CONTROL_STEP_S,

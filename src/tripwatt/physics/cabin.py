@@ -139,12 +139,9 @@ class CabinRun:
 
     def means(self, power_w: FloatArray) -> FloatArray:
         """Average a power given in steps of the control over the interval that ends at each sample. O(samples)."""
-        time = self.time_s
-        cumulative = np.interp(time, self.edges_s, running_sum(power_w * CONTROL_STEP_S))
-        result = np.empty_like(time)
-        result[0] = power_w[0]
-        np.divide(cumulative[1:] - cumulative[:-1], time[1:] - time[:-1], out=result[1:])
-        return np.maximum(result, 0.0, out=result)
+        cumulative = np.interp(self.time_s, self.edges_s, running_sum(power_w * CONTROL_STEP_S))
+        mean_w = np.diff(cumulative) / np.diff(self.time_s)
+        return np.maximum(np.concatenate((power_w[:1], mean_w)), 0.0)
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -162,12 +159,22 @@ class CabinTask:
         steps = max(1, math.ceil(float(self.time_s[-1] - self.time_s[0]) / CONTROL_STEP_S))
         return np.asarray(self.time_s[0] + CONTROL_STEP_S * np.arange(steps + 1))
 
-    def mean_speeds(self, edges: FloatArray) -> FloatArray:
+    def mean_speeds(self) -> FloatArray:
         """Mean speed in each step of the control [m/s], shape (steps,)."""
-        distance = np.interp(edges, self.time_s, distance_driven(self.time_s, self.speed_m_s))
+        distance = np.interp(self.edges(), self.time_s, distance_driven(self.time_s, self.speed_m_s))
         return np.asarray((distance[1:] - distance[:-1]) / CONTROL_STEP_S)
 
-    def run(self, edges: FloatArray, heat_w: FloatArray, fan: FloatArray, *degc: FloatArray) -> CabinRun:
+    def run_from(self, air_degc: FloatArray, interior_degc: FloatArray) -> CabinRun:
+        """Simulate the cabin from several temperatures of air and interior at departure, each of shape (starts,). O(steps).
+
+        The arrays of the run have shape (steps, starts).
+        """
+        control = control_values(self.climate, self.ambient_temperature_degc, self.start)[2:]
+        speeds = self.mean_speeds().tolist()
+        steps = (air_degc, interior_degc, *control), speeds, np.minimum, np.maximum, np.any
+        return self.run(*_control_steps(*steps))
+
+    def run(self, heat_w: FloatArray, fan: FloatArray, *degc: FloatArray) -> CabinRun:
         """Build the run from the results of the control steps.
 
         `heat_w` is the power of heater and compressor, `fan` the share of the blower, `degc` are the temperatures of air and
@@ -180,7 +187,7 @@ class CabinTask:
         if frost > 0.0 and self.start.mode != "cool":
             share = min(frost, 1.0) * (1.0 - self.start.warmth)
             fans[: math.ceil(climate.defrost_time_s / CONTROL_STEP_S)] += share * climate.defrost_power_w
-        return CabinRun(self.time_s, edges, heat_w, fans, *degc)
+        return CabinRun(self.time_s, self.edges(), heat_w, fans, *degc)
 
 
 def condition_cabins(tasks: Sequence[CabinTask]) -> list[CabinRun]:
@@ -199,15 +206,14 @@ def condition_cabins(tasks: Sequence[CabinTask]) -> list[CabinRun]:
     >>> bool(run.power_w[60] > run.power_w[-1]), bool(20.0 < run.temperature_degc[-1] < 22.5)
     (True, True)
     """
-    edges = [task.edges() for task in tasks]
-    speeds = [task.mean_speeds(own) for task, own in zip(tasks, edges, strict=True)]
+    speeds = [task.mean_speeds() for task in tasks]
     controls = [control_values(task.climate, task.ambient_temperature_degc, task.start) for task in tasks]
     keys = [(control, own.tobytes()) for control, own in zip(controls, speeds, strict=True)]
     # a drive on several grades needs one cabin
     first = {key: number for number, key in reversed([*enumerate(keys)])}
     steps = control_steps([controls[i] for i in first.values()], [speeds[i] for i in first.values()])
     run_of = dict(zip(first, steps, strict=True))
-    return [task.run(own, *run_of[key]) for task, own, key in zip(tasks, edges, keys, strict=True)]
+    return [task.run(*run_of[key]) for task, key in zip(tasks, keys, strict=True)]
 
 
 def control_steps(
@@ -277,16 +283,15 @@ def _control_steps(
         demand = larger(wanted, 0.0)
         heat = smaller(demand, max_heat)
         power = heat * resistive + smaller(heat, max_pumped) * pumped
+        blown, fan = fan, heat * per_heat
         if some(wanted < 0.0):
             surplus = demand - wanted
-            free = smaller((1.0 - fan) * fan_range * larger(air - ambient, 0.0), surplus)
+            free = smaller((1.0 - blown) * fan_range * larger(air - ambient, 0.0), surplus)
             cooling = smaller(surplus - free, max_cooling)
             # for less than 100 W of cooling the compressor cycles and takes a share of its idle power; a choice
             power = power + larger(cooling * cooler, idle * smaller(cooling * (1.0 / 100.0), 1.0))
-            fan = heat * per_heat + smaller((cooling + free) * per_cooling, 1.0)
+            fan = fan + smaller((cooling + free) * per_cooling, 1.0)
             heat = heat - (cooling + free)
-        else:
-            fan = heat * per_heat
         air = (given + heat) / total
         interior = interior_keeps * interior + interior_takes * air + interior_gains
         powers.append(power)

@@ -242,15 +242,14 @@ class Excess:
         chosen = np.searchsorted(np.cumsum(self.climb.weights[:-1]), scenario, side="right")
         return np.asarray(error_wh + self.climb.offsets_wh[chosen])
 
-    @cached_property
-    def end(self) -> Excess:
-        """The distribution at the end of the trip only."""
-        climb = self.climb
-        last = None if climb is None else UnknownClimb(climb.offsets_wh[:, -1:], climb.weights)
-        return Excess(self.scores, last, self.expected_wh[-1:])
+    def at(self, place: int) -> Excess:
+        """The distribution at the place of an index only, -1 for the end of the trip."""
+        climb, only = self.climb, [place]
+        there = None if climb is None else UnknownClimb(climb.offsets_wh[:, only], climb.weights)
+        return Excess(self.scores, there, self.expected_wh[only])
 
     def quantiles(self, p: FloatArray, sd_wh: FloatArray) -> FloatArray:
-        """Quantiles at the end, if this is the distribution `end` [Wh]; `p`, `sd_wh` and result have shape (probabilities,)."""
+        """Quantiles of a distribution at one place, such as `at(-1)` [Wh]; `p`, `sd_wh` and result have shape (probabilities,)."""
         if self.climb is None:
             return _error_quantiles_wh(self.scores, p, sd_wh)
         return self.climb.quantiles(self.scores, p, sd_wh) - self.expected_wh

@@ -6,14 +6,14 @@ import datetime as dt
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any, Final, NamedTuple
+from typing import Any, Final
 
 import numpy as np
 
 from tripwatt.arrays import FloatArray
 from tripwatt.forecasting import Forecast
-from tripwatt.physics import DriveConditions, conditions_at_departure
-from tripwatt.physics.cabin import CONTROL_STEP_S, CabinTask, condition_cabins
+from tripwatt.physics import conditions_at_departure
+from tripwatt.physics.cabin import CONTROL_STEP_S, CabinStart, CabinTask, condition_cabins
 from tripwatt.population import for_car
 from tripwatt.roads.journey import Need, need
 from tripwatt.roads.journey.charging import EFFICIENCY, ChargingCurve
@@ -22,7 +22,7 @@ from tripwatt.roads.maps.stations import Station
 from tripwatt.trips import Departure, Flag, Plan, Trip
 from tripwatt.trips.messages import leave_in_words
 from tripwatt.units import SECONDS_PER_HOUR, WH_PER_J
-from tripwatt.vehicles import Vehicle
+from tripwatt.vehicles import Climate, Vehicle
 
 PLUG_W: Final = 7400.0
 """A wall box with one phase of 32 A."""
@@ -102,20 +102,6 @@ class Preheating:
         return {"starts_at": starts_at and starts_at.isoformat(), **values}
 
 
-class _PreheatingOption(NamedTuple):
-    """A way to preheat the cabin, with its power in each step, and the energy and discomfort of the trip after it."""
-
-    degc: float
-    before_s: float
-    changed: Mapping[str, float | None]
-    power_w: FloatArray
-    trip_wh: float = 0.0
-    discomfort_wh: float = 0.0
-
-
-_NO_PREHEATING: Final = _PreheatingOption(math.nan, 0.0, {}, np.zeros(STEPS))
-
-
 def preheating(
     vehicle: Vehicle, plan: Plan, *, plug_w: float = PLUG_W, worth: float = WORTH
 ) -> Preheating | None:
@@ -150,51 +136,58 @@ def preheating(
     >>> preheating(car, cold, plug_w=0.0) is preheating(car, mild) is None
     True
     """
-    conditions = conditions_at_departure(vehicle, plan.departure, plan.air)
-    options = _cabin_options(vehicle, plan, conditions)
-    power = np.array([option.power_w for option in options])
-    plugged = np.minimum(power, plug_w * CHARGER).sum(axis=1) * STEP_S * WH_PER_J
-    taken = power.sum(axis=1) * STEP_S * WH_PER_J - plugged + [option.trip_wh for option in options]
+    climate, conditions = vehicle.climate, conditions_at_departure(vehicle, plan.departure, plan.air)
+    start, ambient = conditions.cabin_start(vehicle), conditions.ambient_temperature_degc
+    if climate is None or start.mode == "off":
+        return None
+    aims = [
+        start.setpoint_degc + kelvin * math.copysign(1.0, ambient - start.setpoint_degc) for kelvin in TRIED_K
+    ]
+    power, air, interior = _parked_cabins(
+        climate, ambient, [replace(start, setpoint_degc=aim) for aim in aims]
+    )
+    road = CabinTask(climate, plan.array("time_s"), plan.array("speed_m_s"), ambient, start)
+    within = start.temperature_degc if start.interior_degc is None else start.interior_degc
+    run = road.run_from(np.append(start.temperature_degc, air), np.append(within, interior))
+    hours = CONTROL_STEP_S / SECONDS_PER_HOUR
+    trip_wh = (run.heat_w + run.fan_w).sum(axis=0) * hours
+    operative = 0.5 * (run.air_degc + run.interior_degc)[1:]
+    discomfort_wh = np.abs(operative - start.setpoint_degc).sum(axis=0) * hours * COMFORT_W_K
+    # number 0 is no preheating
+    plugged, total = (
+        np.append(0.0, watt.cumsum(axis=1) * (STEP_S * WH_PER_J))
+        for watt in (np.minimum(power, plug_w * CHARGER), power)
+    )
+    taken = total - plugged + trip_wh
     # rounded, so that equal options stay equal on every machine
     saved, wall = np.round(taken[0] - taken, 6), plugged / CHARGER
-    cost = wall - worth * saved + [option.discomfort_wh for option in options]
+    cost = wall - worth * saved + discomfort_wh
     cost[saved < 0.0] = np.inf
     cost[0] -= worth * MIN_WH
     best = int(np.argmin(cost))
     if best == 0:
         return None
-    cabin = options[best]
-    return Preheating(cabin.degc, cabin.before_s, float(wall[best]), float(saved[best]), cabin.changed)
-
-
-def _cabin_options(vehicle: Vehicle, plan: Plan, conditions: DriveConditions) -> list[_PreheatingOption]:
-    """Simulate every set-point and start of heating the parked cabin without people and sun, and then the trip with this cabin."""
-    climate, start = vehicle.climate, conditions.cabin_start(vehicle)
-    if climate is None or start.mode == "off":
-        return [_NO_PREHEATING]
-    ambient, setpoint = conditions.ambient_temperature_degc, start.setpoint_degc
-    road = CabinTask(climate, plan.array("time_s"), plan.array("speed_m_s"), ambient, start)
-    empty, hour, still = replace(climate, occupant_heat_w=0.0), STEP_S * np.array([0.0, STEPS]), np.zeros(2)
-    aims = [setpoint + kelvin * math.copysign(1.0, ambient - setpoint) for kelvin in TRIED_K]
-    starts = [replace(start, setpoint_degc=aim, solar_irradiance_w_m2=0.0) for aim in aims]
-    parked = condition_cabins([CabinTask(empty, hour, still, ambient, begun) for begun in starts])
-    options, trips, per_step = [_NO_PREHEATING], [road], round(STEP_S / CONTROL_STEP_S)
+    aim, steps = divmod(best - 1, STEPS)
     light, heavy = climate.air_heat_capacity_j_k, climate.interior_heat_capacity_j_k
-    for aim, run in zip(aims, parked, strict=True):
-        power = (run.heat_w + run.fan_w).reshape(STEPS, per_step).mean(axis=1)
-        states = np.stack((run.air_degc, run.interior_degc), axis=1)[per_step::per_step].tolist()
-        for number, (air, interior) in enumerate(states, 1):
-            mixed = (light * air + heavy * interior) / (light + heavy)
-            changed = {"cabin_temperature_degc": mixed, "cabin_logged": None, "warmth": start.warmth}
-            power_w = np.append(np.zeros(STEPS - number), power[:number])
-            options.append(_PreheatingOption(aim, STEP_S * number, changed, power_w))
-            trips.append(replace(road, start=replace(start, temperature_degc=air, interior_degc=interior)))
-    hours, driven = CONTROL_STEP_S / SECONDS_PER_HOUR, condition_cabins(trips)
-    energy = [float((run.heat_w + run.fan_w).sum()) * hours for run in driven]
-    operative = [0.5 * (run.air_degc + run.interior_degc)[1:] for run in driven]
-    discomfort = [float(np.abs(degc - setpoint).sum()) * hours * COMFORT_W_K for degc in operative]
-    costs = zip(energy, discomfort, strict=True)
-    return [_PreheatingOption(*option[:4], *cost) for option, cost in zip(options, costs, strict=True)]
+    mixed = (light * air[aim, steps] + heavy * interior[aim, steps]) / (light + heavy)
+    changed = {"cabin_temperature_degc": float(mixed), "cabin_logged": None, "warmth": start.warmth}
+    return Preheating(aims[aim], STEP_S * (steps + 1), float(wall[best]), float(saved[best]), changed)
+
+
+def _parked_cabins(climate: Climate, ambient: float, starts: list[CabinStart]) -> FloatArray:
+    """Simulate parked cabins without people and sun; return mean power [W] and temperatures of air and interior [°C] at the end of each step.
+
+    The result has shape (3, starts, STEPS).
+    """
+    empty, hour, still = replace(climate, occupant_heat_w=0.0), STEP_S * np.array([0.0, STEPS]), np.zeros(2)
+    dark = [replace(start, solar_irradiance_w_m2=0.0) for start in starts]
+    runs = condition_cabins([CabinTask(empty, hour, still, ambient, start) for start in dark])
+    per_step = round(STEP_S / CONTROL_STEP_S)
+    power = [(run.heat_w + run.fan_w).reshape(STEPS, per_step).mean(axis=1) for run in runs]
+    air, interior = (
+        [getattr(run, name)[per_step::per_step] for run in runs] for name in ("air_degc", "interior_degc")
+    )
+    return np.array([power, air, interior])
 
 
 def before_departure(

@@ -288,12 +288,15 @@ class KindForecaster:
         charge = low[1] + part * (high[1] - low[1])
         return energy, charge, low[2] + part * (high[2] - low[2])
 
-    def inverse(self, amount: float, level: float, quantity: Literal[0, 1]) -> float:
-        """Return the distance [m] whose quantile `level` of energy [Wh] (`quantity` 0) or displayed charge (`quantity` 1) is an amount."""
+    def inverse(self, amount: float, levels: tuple[float, ...], quantity: Literal[0, 1]) -> list[float]:
+        """Return the distances [m] whose quantiles of energy [Wh] (`quantity` 0) or displayed charge (`quantity` 1) are an amount."""
+        return [self._inverse(amount, levels, quantity, k) for k in range(len(levels))]
+
+    def _inverse(self, amount: float, levels: tuple[float, ...], of: Literal[0, 1], level: int) -> float:
         k = len(NODES_M) - 2
-        while k > 0 and _node_values(self, k, (level,))[quantity][0] > amount:
+        while k > 0 and _node_values(self, k, levels)[of][level] > amount:
             k -= 1
-        low, high = (float(_node_values(self, k + i, (level,))[quantity][0]) for i in (0, 1))
+        low, high = (float(_node_values(self, k + i, levels)[of][level]) for i in (0, 1))
         part = (amount - low) / max(high - low, 1e-9)
         return max(NODES_M[k] + part * (NODES_M[k + 1] - NODES_M[k]), 0.0)
 
@@ -383,9 +386,10 @@ def _node_values(
 
 def trip_quantiles(forecast: Forecast, levels: Sequence[float]) -> tuple[FloatArray, FloatArray, float]:
     """Return quantiles of the energy [Wh] and displayed charge that a trip takes, shape (levels,), and its duration [s]."""
-    energy = np.array([forecast.quantile(level) for level in levels])
-    charge = np.array([soc[0] - soc[-1] for soc in map(forecast.along.soc, levels)])
-    return energy, charge, forecast.plan.duration_s
+    along, p, wh = forecast.along, np.array(levels), forecast.along.wh_per_display
+    excess_wh = [along.excess.at(k).quantiles(p, along.charge_sd[[k] * len(p)] * wh) for k in (0, -1)]
+    charge = along.charge[0] - along.charge[-1] + (excess_wh[1] - excess_wh[0]) / wh
+    return forecast.quantile(p), charge, forecast.plan.duration_s
 
 
 def need(
@@ -530,10 +534,8 @@ def range_km(
     own_model = for_car(model, car)
 
     def range_by(forecaster: KindForecaster) -> KindRange:
-        low, lower, median, upper, high = (
-            forecaster.inverse(spare, level, 1) if spare else 0.0
-            for level in (BAND[1], _HALF[1], 0.5, _HALF[0], BAND[0])
-        )
+        levels = BAND[1], _HALF[1], 0.5, _HALF[0], BAND[0]
+        low, lower, median, upper, high = forecaster.inverse(spare, levels, 1) if spare else [0.0] * 5
         return KindRange(median, (lower, upper), (low, high))
 
     def forecaster_of(kind: str | Sequence[float]) -> KindForecaster:

@@ -126,6 +126,7 @@ class RoadPrior:
         common, local_m = self.known if known else self.unknown
         return math.sqrt(common + local_m / distance_m)
 
+    @lru_cache(maxsize=32)  # noqa: B019 - a prior is a value
     def plan(self, distance_m: float, shares: Shares) -> Plan:
         """Make the plan of a typical drive with some shares. O(distance).
 
@@ -310,9 +311,11 @@ def shares_over(shares: Shares, distance_m: float) -> Shares:
 
 
 def typical_road(distance_m: float, kind: str | Sequence[float]) -> Plan:
-    """Make the plan of a typical drive of a kind, or of shares, over a distance [m]."""
+    """Make the plan of a typical drive of a kind, or of shares, over a distance [m] of a flat road."""
     shares = shares_of(kind)
-    return road_prior().plan(distance_m, shares_over(shares, distance_m) if isinstance(kind, str) else shares)
+    shares = shares_over(shares, distance_m) if isinstance(kind, str) else shares
+    plan = road_prior().plan(distance_m, shares)
+    return replace(plan, samples=plan.samples.assign(grade=0.0))
 
 
 def shares_of(kind: str | Sequence[float]) -> Shares:
