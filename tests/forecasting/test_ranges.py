@@ -1,5 +1,8 @@
 """What a trip has that training did not."""
 
+import os
+import subprocess
+import sys
 from dataclasses import replace
 
 import numpy as np
@@ -118,3 +121,15 @@ def test_a_training_trip_has_nothing_outside_and_a_longer_one_its_distance():
     shorter = ranges | {"duration_s": replace(seen, high=seen.high - 2.0 * seen.sd)}
     (flag,) = compare(one, shorter, car, departure)[0]
     assert (flag.subject, flag.value) == ("duration_s", pytest.approx(2.0))
+
+
+def test_the_last_digit_is_the_same_in_each_process():
+    """The order of a set of texts, and so that of a sum over it, differs between processes."""
+    code = (
+        "from tripwatt.forecasting.ranges import UNKNOWN_SD_K, unknown_state_sd_wh;"
+        "from tripwatt.vehicles import load_vehicle;"
+        "print(repr(unknown_state_sd_wh(load_vehicle('bmw_i3_60ah'), [*UNKNOWN_SD_K], 1.3)))"
+    )
+    command, known = [sys.executable, "-c", code], os.environ
+    answers = [subprocess.check_output(command, env={**known, "PYTHONHASHSEED": seed}) for seed in ("0", "1")]
+    assert answers[0] == answers[1]

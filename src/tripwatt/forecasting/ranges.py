@@ -69,7 +69,8 @@ def unknown_state_sd_wh(
     """
     climate = None if is_off else vehicle.climate
     parts = [0.0]
-    for name in UNKNOWN_SD_K.keys() & set(unknown):
+    # a set would add them up in an order of its own in each process
+    for name in filter(unknown.__contains__, UNKNOWN_SD_K):
         kelvin = UNKNOWN_SD_K[name]
         if name == "battery_temperature_degc":
             parts.append(BATTERY_W_PER_K * kelvin * hours)
