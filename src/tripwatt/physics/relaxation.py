@@ -28,32 +28,17 @@ class Relaxation:
     array([0. , 0.5])
     """
 
-    __slots__ = ("blocks", "gain", "growth", "rows")
+    __slots__ = ("gain", "growth", "halves")
 
     def __init__(self, step: FloatArray) -> None:
-        elapsed = step.cumsum(axis=-1)
-        self.blocks: list[tuple[int, int]] = []
-        self.rows: list[Relaxation] = []
-        self.gain = -np.expm1(-step)
-        if elapsed[..., -1].max() < LONGEST_BLOCK:
-            self.growth = np.exp(elapsed)
-            self.gain *= self.growth
+        elapsed, n = step.cumsum(axis=-1), step.shape[-1]
+        self.halves: tuple[Relaxation, ...] = ()
+        if n > 1 and elapsed[..., -1].max() >= LONGEST_BLOCK:
+            self.halves = tuple(map(Relaxation, np.split(step, [n // 2], axis=-1)))
             return
-        if step.ndim > 1:
-            self.rows = [Relaxation(row) for row in step]
-            return
-        self.growth = np.ones_like(step)
-        first = 0
-        while first < len(step):
-            before = elapsed[first] - step[first]
-            last = int(np.searchsorted(elapsed, before + LONGEST_BLOCK))
-            if last <= first:  # the interval is longer than a block: earlier states have decayed
-                last = first + 1
-                self.growth[first] = np.inf
-            else:
-                self.growth[first:last] = np.exp(elapsed[first:last] - before)
-            self.blocks.append((first, last))
-            first = last
+        # a longer interval leaves nothing of earlier states
+        self.growth = np.exp(np.minimum(elapsed, LONGEST_BLOCK))
+        self.gain = -np.expm1(-step) * self.growth
 
     def solve(self, initial: PerTrip, target: FloatArray) -> FloatArray:
         """Return the state at the end of each interval, shape of `target`. O(samples).
@@ -65,20 +50,9 @@ class Relaxation:
         target : ndarray, shape (samples,) or (trips, samples)
             Value towards which the state relaxes, constant over the interval that ends at the sample.
         """
-        if self.rows:
-            rows = self.rows * (len(target) // len(self.rows))
-            starts = np.broadcast_to(initial, (len(target), 1))[:, 0].tolist()
-            return np.stack([row.solve(*pair) for row, *pair in zip(rows, starts, target, strict=True)])
-        if not self.blocks:
-            return np.asarray(((self.gain * target).cumsum(axis=-1) + initial) / self.growth)
-        result = np.empty_like(target)
-        state = initial
-        for first, last in self.blocks:
-            growth = self.growth[first:last]
-            if np.isinf(growth[0]):
-                result[first] = target[first]
-            else:
-                gain = self.gain[first:last] * target[first:last]
-                result[first:last] = (state + np.cumsum(gain * growth)) / growth
-            state = float(result[last - 1])
-        return result
+        if self.halves:
+            first, second = self.halves
+            early, late = np.split(target, [target.shape[-1] // 2], axis=-1)
+            before = first.solve(initial, early)
+            return np.concatenate((before, second.solve(before[..., -1:], late)), axis=-1)
+        return np.asarray(((self.gain * target).cumsum(axis=-1) + initial) / self.growth)
