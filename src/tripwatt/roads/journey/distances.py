@@ -349,11 +349,9 @@ def _with_road_variance(forecast: Forecast, sd_wh: float) -> Forecast:
 
     The scores are from held-out trips with known speeds, so they hold only for the rest of the variance.
     """
-    wider = replace(forecast, route_sd_wh=sd_wh)
-    variance_wh2, uncertainty = float(wider.along.energy_sd_wh[-1]) ** 2, forecast.uncertainty
-    other_share = (wider.route_sd_wh**2 + wider.state_sd_wh**2) / variance_wh2
-    scores = uncertainty.scores.with_other_causes(other_share)
-    return replace(wider, uncertainty=replace(uncertainty, scores=scores))
+    variance_wh2, uncertainty = float(forecast.along.energy_sd_wh[-1]) ** 2 + sd_wh**2, forecast.uncertainty
+    scores = uncertainty.scores.with_other_causes((sd_wh**2 + forecast.state_sd_wh**2) / variance_wh2)
+    return replace(forecast, route_sd_wh=sd_wh, uncertainty=replace(uncertainty, scores=scores))
 
 
 @lru_cache(maxsize=64)
