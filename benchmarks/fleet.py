@@ -42,7 +42,7 @@ from typer import Argument, BadParameter, Option
 
 from benchmarks.many_vehicles import CAR_MODELS, FleetPlan, block_of_logs, many_vehicles, vehicle_truth
 from benchmarks.measure import Row, not_measured, report
-from tripwatt.fleet.executors import InProcess
+from tripwatt.fleet.executors import Workers
 from tripwatt.fleet.features import FEATURES, SCALES, START
 from tripwatt.fleet.mapping import (
     drive_row,
@@ -99,32 +99,32 @@ def add_blocks(place: str, plan: Any, blocks: list[tuple[int, int]]) -> int:
     )
 
 
-def filled(place: str, plan: Any, executor: Any, workers: int) -> None:
+def filled(place: str, plan: Any, workers: Workers) -> None:
     """A store with a synthetic fleet, added by all workers at once."""
     create_store(place, buckets=8)
     blocks = plan.blocks()
-    several = [blocks[k :: 4 * workers] for k in range(4 * workers)]
-    done = [executor.submit(add_blocks, place, plan, part) for part in several if part]
+    several = [blocks[k :: 4 * workers.number] for k in range(4 * workers.number)]
+    done = [workers.executor.submit(add_blocks, place, plan, part) for part in several if part]
     assert sum(f.result() for f in done) == plan.trips
 
 
-def scale_once(trips: int, workers: int) -> dict[str, float]:
+def scale_once(trips: int, processes: int) -> dict[str, float]:
     """CPU and wall time and memory of adding and fitting one synthetic fleet."""
     plan = FleetPlan(trips, vehicles=min(200, max(8, trips // 10)))
     folder = tempfile.mkdtemp()
     try:
-        with dask(workers) as (_, client):
-            executor = client.get_executor(pure=False)
+        with dask(processes) as (_, client):
+            workers = Workers(client.get_executor(pure=False), processes)
             began, own = time.time(), time.process_time()
-            filled(f"{folder}/s", plan, executor, workers)
+            filled(f"{folder}/s", plan, workers)
             added = time.time()
             cpu_added = sum(c for c, _ in client.run(worker_figures).values())
             store = open_store(f"{folder}/s")
             tasks = file_tasks(store, store.trip_rows(), f"{folder}/mapped")
-            list(map_store(tasks, executor, workers))
+            list(map_store(tasks, workers))
             cpu_mapped = sum(c for c, _ in client.run(worker_figures).values())
             again = time.time()
-            model = fit_fleet(store, f"{folder}/w", executor, workers)
+            model = fit_fleet(store, f"{folder}/w", workers)
             fitted = time.time()
             figures = client.run(worker_figures).values()
             return {
@@ -162,13 +162,13 @@ def fitted(trips: int, vehicles: int, models: int = 4, days: float = 3.65) -> tu
     """Plan, store, model and folder of a synthetic fleet, in this process."""
     plan = FleetPlan(trips, vehicles=vehicles, car_models=CAR_MODELS[:models], days_between=days)
     folder = tempfile.mkdtemp()
-    filled(f"{folder}/s", plan, InProcess(), 1)
+    filled(f"{folder}/s", plan, Workers())
     store = open_store(f"{folder}/s")
-    return plan, store, fit_fleet(store, f"{folder}/w", InProcess()), folder
+    return plan, store, fit_fleet(store, f"{folder}/w", Workers()), folder
 
 
 def rows_of(store: Any, folder: str) -> Any:
-    return read_rows(map_store(file_tasks(store, store.trip_rows(), f"{folder}/rows"), InProcess(), 1))
+    return read_rows(map_store(file_tasks(store, store.trip_rows(), f"{folder}/rows"), Workers()))
 
 
 def truth(trips: int = 1200, vehicles: int = 60) -> Iterator[Row]:
@@ -278,11 +278,11 @@ def update(trips: int = 5000, vehicles: int = 200) -> Iterator[Row]:
     began = cpu_s()
     for car_model, its in logs.items():
         store.add(its, car_model=car_model)
-    updated, rows = update_fleet(model, store, f"{folder}/w", InProcess())
+    updated, rows = update_fleet(model, store, f"{folder}/w", Workers())
     night = cpu_s() - began
     yield Row(f"a night of {len(rows)} trips, share of the cost of all {trips}", night / whole, most=0.03)
     began = cpu_s()
-    every, _ = store_rows(store, usable_trips(store), f"{folder}/w", InProcess())
+    every, _ = store_rows(store, usable_trips(store), f"{folder}/w", Workers())
     ManagerReport.of({}, updated, every).write(Path(folder) / "report")
     yield Row(f"the report of {vehicles} vehicles after it", cpu_s() - began, "s CPU", most=5.0)
     full = group_posterior(rows_of(store, folder).sums, model.posterior.scales)
@@ -498,11 +498,13 @@ def same(trips: int = 160, vehicles: int = 16) -> Iterator[Row]:
     """One process, two processes of a cluster, and a cluster one of whose workers is killed."""
     plan = FleetPlan(trips, vehicles=vehicles, car_models=CAR_MODELS[:2])
     folder = tempfile.mkdtemp()
-    filled(f"{folder}/s", plan, InProcess(), 1)
+    filled(f"{folder}/s", plan, Workers())
     store = open_store(f"{folder}/s")
-    models = {"one process": fit_fleet(store, f"{folder}/a", InProcess())}
+    models = {"one process": fit_fleet(store, f"{folder}/a", Workers())}
     with dask(2) as (_, client):
-        models["Dask"] = fit_fleet(store, f"{folder}/b", client.get_executor(pure=False, retries=3), 2)
+        models["Dask"] = fit_fleet(
+            store, f"{folder}/b", Workers(client.get_executor(pure=False, retries=3), 2)
+        )
         victim = next(iter(client.run(os.getpid).values()))
         killed: list[int] = []
 
@@ -512,7 +514,7 @@ def same(trips: int = 160, vehicles: int = 16) -> Iterator[Row]:
                 os.kill(victim, signal.SIGKILL)
 
         models["Dask, a worker killed"] = fit_fleet(
-            store, f"{folder}/c", client.get_executor(pure=False, retries=3), 2, progress=kill
+            store, f"{folder}/c", Workers(client.get_executor(pure=False, retries=3), 2), progress=kill
         )
         assert killed
     first = models.pop("one process")

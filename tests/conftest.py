@@ -81,7 +81,7 @@ def fleet(tmp_path_factory: pytest.TempPathFactory) -> Any:
     pytest.importorskip("deltalake", reason="needs the extra tripwatt[fleet]")
     from benchmarks.many_vehicles import CAR_MODELS, FleetPlan, block_of_logs
 
-    from tripwatt.fleet.executors import InProcess
+    from tripwatt.fleet.executors import Workers
     from tripwatt.fleet.model import Sampling, fit_fleet
     from tripwatt.fleet.store import create_store
 
@@ -90,5 +90,5 @@ def fleet(tmp_path_factory: pytest.TempPathFactory) -> Any:
     store = create_store(folder / "store", buckets=2)
     for model, block in plan.blocks():
         store.add(block_of_logs(plan, model, block), car_model=plan.car_models[model])
-    model = fit_fleet(store, folder / "work", InProcess(), sampling=Sampling(per_vehicle=5))
+    model = fit_fleet(store, folder / "work", Workers(), sampling=Sampling(per_vehicle=5))
     return plan, store, model, folder

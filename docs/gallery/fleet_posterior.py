@@ -14,7 +14,7 @@ import numpy as np
 from scipy.stats import norm
 
 import tripwatt as tw
-from tripwatt.fleet.executors import InProcess
+from tripwatt.fleet.executors import Workers
 from tripwatt.fleet.features import trip_features
 from tripwatt.fleet.model import Sampling, fit_fleet
 from tripwatt.hybrid import segment_table
@@ -38,7 +38,7 @@ with TemporaryDirectory() as folder:
         ).logs
         store.add(logs, car_model=car_model, vehicle_id=f"{car_model} {count}")
     model = fit_fleet(
-        store, Path(folder, "work"), InProcess(), sampling=Sampling(per_vehicle=4)
+        store, Path(folder, "work"), Workers(), sampling=Sampling(per_vehicle=4)
     )
 
 links = [

@@ -230,6 +230,18 @@ def and_more(bad: Sized, what: str = "rows") -> str:
     return f" (and {len(bad) - 1} more {what})" if len(bad) > 1 else ""
 
 
+def require_one(names: str, one: object, other: object) -> None:
+    """Raise `InvalidInput` unless exactly one of two values is given, that is, is not None.
+
+    Examples
+    --------
+    >>> require_one("car, model", "vw_id3", None)
+    """
+    if (one is None) == (other is None):
+        got = "neither" if one is None else "both"
+        raise InvalidInput.of("one of them is needed", names, got, "one of the two")
+
+
 def first_faults(faults: Sequence[Fault], where: str, most: int = MAX_FAULTS) -> list[Fault]:
     """The first `most` faults; if there are more, one further fault with the number of those left out.
 

@@ -10,10 +10,10 @@ from tripwatt.fleet.statistics import NUMBERS, ROWS, TripRows
 
 def mapped(store, folder, chosen=()):
     """Results of all trips of a store, with the segments of the chosen ones."""
-    from tripwatt.fleet.executors import InProcess
+    from tripwatt.fleet.executors import Workers
     from tripwatt.fleet.mapping import file_tasks, map_store
 
-    return list(map_store(file_tasks(store, store.trip_rows(), folder, chosen), InProcess(), 1))
+    return list(map_store(file_tasks(store, store.trip_rows(), folder, chosen), Workers()))
 
 
 def table_rows(frame):

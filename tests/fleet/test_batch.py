@@ -1,5 +1,7 @@
 """Forecasts of many planned trips."""
 
+from concurrent.futures import ThreadPoolExecutor
+
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
@@ -7,7 +9,7 @@ import pytest
 
 from tripwatt.errors import InvalidInput
 from tripwatt.fleet.batch import _open_parquet, _read_batches, forecast_batch, output_schema, quantile_column
-from tripwatt.fleet.executors import InProcess
+from tripwatt.fleet.executors import Workers
 from tripwatt.trips import Departure
 from tripwatt.trips.messages import message
 
@@ -36,7 +38,7 @@ def test_a_batch_is_the_forecasts_of_its_trips(fleet, saved, tmp_path):
     ]
     pq.write_table(pa.Table.from_pylist(table), tmp_path / "in.parquet")
     files = tmp_path / "in.parquet", tmp_path / "out.parquet"
-    assert forecast_batch(saved, *files, InProcess(), quantiles=(0.1, 0.975), reserve=0.1) == 6
+    assert forecast_batch(saved, *files, Workers(), quantiles=(0.1, 0.975), reserve=0.1) == 6
     found = pq.read_table(tmp_path / "out.parquet")
     assert found.schema.names == output_schema((0.1, 0.975)).names
     out = {row["trip"]: row for row in found.to_pylist()}
@@ -71,10 +73,11 @@ def test_a_batch_is_the_forecasts_of_its_trips(fleet, saved, tmp_path):
     assert out["e"]["energy_wh"] is None
 
 
-class Stopping(InProcess):
+class Stopping(ThreadPoolExecutor):
     """Runs so many tasks, then fails as a batch does that is interrupted."""
 
     def __init__(self, most):
+        super().__init__(1)
         self.left = self.most = most
 
     def submit(self, fn, /, *args, **kwargs):
@@ -95,44 +98,44 @@ def test_a_batch_that_was_stopped_goes_on_and_ends_in_the_same_file(saved, tmp_p
         given = (saved, tmp_path / "in.parquet", tmp_path / out, executor)
         return forecast_batch(*given, reserve=reserve)
 
-    assert run(InProcess(), "whole") == 9
+    assert run(Workers(), "whole") == 9
     assert pq.read_table(tmp_path / "whole")["trip"].to_pylist() == [f"t{k}" for k in range(9)]
     assert "soc_assumed" in pq.read_table(tmp_path / "whole")["flags"][0].as_py()
     with pytest.raises(KeyboardInterrupt):
-        run(Stopping(3), "out")
+        run(Workers(Stopping(3)), "out")
     assert not (tmp_path / "out").exists()
     assert len(list((tmp_path / "out.unfinished").iterdir())) == 3
     rest = Stopping(2)  # of five parts
-    assert run(rest, "out") == 9
+    assert run(Workers(rest), "out") == 9
     assert rest.left == 0
     assert (tmp_path / "out").read_bytes() == (tmp_path / "whole").read_bytes()
     assert not (tmp_path / "out.unfinished").exists()
     with pytest.raises(KeyboardInterrupt):
-        run(Stopping(3), "out")
+        run(Workers(Stopping(3)), "out")
     with pytest.raises(KeyboardInterrupt):
-        run(Stopping(4), "out", reserve=0.2)  # finished parts of another question do not count
+        run(Workers(Stopping(4)), "out", reserve=0.2)  # finished parts of another question do not count
     assert len(list((tmp_path / "out.unfinished").iterdir())) == 7
 
 
 def test_a_batch_without_trips_is_a_file_without_rows(saved, tmp_path):
     pq.write_table(pa.Table.from_pylist(links("a", "b"))[:0], tmp_path / "in.parquet")
-    assert forecast_batch(saved, tmp_path / "in.parquet", tmp_path / "out", InProcess()) == 0
+    assert forecast_batch(saved, tmp_path / "in.parquet", tmp_path / "out", Workers()) == 0
     assert pq.read_table(tmp_path / "out").schema.names == output_schema((0.05, 0.5, 0.95)).names
 
 
 def test_a_batch_that_cannot_be_read_is_one_error(tmp_path):
     pq.write_table(pa.table({"trip": ["a"]}), tmp_path / "in.parquet")
     with pytest.raises(InvalidInput) as error:
-        forecast_batch(tmp_path, tmp_path / "in.parquet", tmp_path / "o", InProcess())
+        forecast_batch(tmp_path, tmp_path / "in.parquet", tmp_path / "o", Workers())
     assert [f.allowed for f in error.value.faults] == ["a column 'vehicle_id'", "a column 'length_m'"]
     with pytest.raises(InvalidInput, match=r"unreadable Parquet file.*to_parquet"):
-        forecast_batch(tmp_path, tmp_path / "none", tmp_path / "o", InProcess())
+        forecast_batch(tmp_path, tmp_path / "none", tmp_path / "o", Workers())
     for bad in (0.0, 1.0):
         with pytest.raises(InvalidInput, match="quantiles"):
-            forecast_batch(tmp_path, tmp_path / "in.parquet", tmp_path / "o", InProcess(), quantiles=(bad,))
+            forecast_batch(tmp_path, tmp_path / "in.parquet", tmp_path / "o", Workers(), quantiles=(bad,))
     for bad in (-0.1, 1.0):
         with pytest.raises(InvalidInput, match="reserve"):
-            forecast_batch(tmp_path, tmp_path / "in.parquet", tmp_path / "o", InProcess(), reserve=bad)
+            forecast_batch(tmp_path, tmp_path / "in.parquet", tmp_path / "o", Workers(), reserve=bad)
     assert [quantile_column(q) for q in (0.5, 0.999)] == ["energy_wh_q50", "energy_wh_q99_9"]
 
 

@@ -9,17 +9,17 @@ import numpy as np
 import pytest
 
 from tripwatt.errors import InvalidInput
-from tripwatt.fleet.executors import _TASKS_PER_WORKER, InProcess, executor_for, map_bounded
+from tripwatt.fleet.executors import _TASKS_PER_WORKER, Workers, executor_for
 from tripwatt.fleet.mapping import file_tasks, map_store, read_rows
 
 pytest.importorskip("deltalake", reason="needs the extra tripwatt[fleet]")
 
 
 def test_processes_of_this_machine_are_an_executor():
-    with executor_for(2) as (executor, workers):
-        assert workers == 2
-        assert sorted(map_bounded(executor, workers, abs, [-3, 2, -1])) == [1, 2, 3]
-        assert executor.submit(os.getpid).result() != os.getpid()
+    with executor_for(2) as workers:
+        assert workers.number == 2
+        assert sorted(workers.map(abs, [-3, 2, -1])) == [1, 2, 3]
+        assert workers.executor.submit(os.getpid).result() != os.getpid()
 
 
 def test_dask_with_a_killed_worker_gives_the_same_rows(fleet):
@@ -38,9 +38,9 @@ def test_dask_with_a_killed_worker_gives_the_same_rows(fleet):
                 os.kill(victim, signal.SIGKILL)
             done.append(finished)
 
-        with executor_for(cluster=cluster.scheduler_address) as (executor, workers):
-            assert workers == 2
-            rows = read_rows(map_store(tasks, executor, workers, kill))
+        with executor_for(cluster=cluster.scheduler_address) as workers:
+            assert workers.number == 2
+            rows = read_rows(map_store(tasks, workers, kill))
     assert done[-1] == len(tasks)
     assert np.array_equal(rows.sums.xx, model.sums.xx)
 
@@ -56,21 +56,21 @@ def test_executors_keep_few_tasks_waiting_and_pass_errors_on():
         return task
 
     with ThreadPoolExecutor(2) as pool:
-        assert sorted(map_bounded(pool, 2, work, list(range(40)))) == list(range(40))
+        assert sorted(Workers(pool, 2).map(work, list(range(40)))) == list(range(40))
     assert max(most) <= 2
     submitted = []
 
-    class Counting(InProcess):
+    class Counting(ThreadPoolExecutor):
         def submit(self, fn, /, *args, **kwargs):
             submitted.append(args)
             return super().submit(fn, *args, **kwargs)
 
-    results = map_bounded(Counting(), 1, abs, range(50))
+    results = Workers(Counting(1)).map(abs, range(50))
     next(results)
     assert len(submitted) == _TASKS_PER_WORKER
     with pytest.raises(ZeroDivisionError):
-        list(map_bounded(InProcess(), 1, lambda x: 1 / x, [1, 0]))
-    assert list(map_bounded(InProcess(), 1, abs, [])) == []
+        list(Workers().map(lambda x: 1 / x, [1, 0]))
+    assert list(Workers().map(abs, [])) == []
     with pytest.raises(InvalidInput, match="n_jobs: got 0"), executor_for(0):
         pass
 

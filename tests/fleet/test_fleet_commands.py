@@ -47,8 +47,8 @@ def test_fit_promotes_the_first_version_only(fleet, tmp_path):
 def test_an_update_takes_in_new_trips(fleet, tmp_path):
     _, store, *_ = fleet
     target = Registry(tmp_path / "m")
-    with executor_for(1) as (executor, workers):
-        older = fit_fleet(store, tmp_path / "work", executor, workers, which={"until": "2023-01-10"})
+    with executor_for(1) as workers:
+        older = fit_fleet(store, tmp_path / "work", workers, which={"until": "2023-01-10"})
     target.promote(target.add(older))
     updated = json.loads(run("update", store.place, target.folder, "--json"))
     assert updated["version"] == target.current() == "0002"

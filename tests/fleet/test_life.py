@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from tripwatt.fleet.executors import InProcess
+from tripwatt.fleet.executors import Workers
 from tripwatt.fleet.life import refit_fleet
 from tripwatt.fleet.registry import Registry
 
@@ -14,7 +14,7 @@ def test_a_refit_is_compared_and_then_takes_the_newest_weeks_in(fleet, tmp_path)
     _, store, model, folder = fleet
     registry = Registry(tmp_path / "reg")
     registry.promote(registry.add(model))
-    version, comparison, promoted = refit_fleet(store, registry, folder / "refit", InProcess(), weeks=1.0)
+    version, comparison, promoted = refit_fleet(store, registry, folder / "refit", Workers(), weeks=1.0)
     assert (version, promoted) == ("0002", True)
     newest = store.trips(since="2023-01-14")
     assert 0 < comparison.trips <= len(newest)

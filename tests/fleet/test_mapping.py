@@ -3,6 +3,7 @@
 import signal
 import subprocess
 import sys
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
 
@@ -13,7 +14,7 @@ import pytest
 from benchmarks.many_vehicles import many_vehicles
 from tests.fleet.rows import mapped
 
-from tripwatt.fleet.executors import InProcess
+from tripwatt.fleet.executors import Workers
 from tripwatt.fleet.features import FEATURES, trip_features
 from tripwatt.fleet.mapping import (
     drive_row,
@@ -67,14 +68,14 @@ def test_rows_of_nights_are_the_rows_of_all_trips_and_only_new_trips_are_read(
     store = create_store(tmp_path / "s", buckets=2)
     work, read = tmp_path / "work", []
 
-    class Counting(InProcess):
+    class Counting(ThreadPoolExecutor):
         def submit(self, call, task):
             read.extend(row["digest"] for row in task.rows)
             return super().submit(call, task)
 
     def now():
         read.clear()
-        return store_rows(store, usable_trips(store), work, Counting())[0]
+        return store_rows(store, usable_trips(store), work, Workers(Counting(1)))[0]
 
     logs = list(many_vehicles(plan))
     for part in (logs[::3], logs[1::3], logs[2::3]):
@@ -102,11 +103,12 @@ def test_rows_of_nights_are_the_rows_of_all_trips_and_only_new_trips_are_read(
 DRIVER = """
 import sys
 sys.path[:0] = sys.argv[3:]
-from tripwatt.fleet.executors import InProcess
+from concurrent.futures import ThreadPoolExecutor
+from tripwatt.fleet.executors import Workers
 from tripwatt.fleet.mapping import map_store, file_tasks
 from tripwatt.fleet.store import open_store
 store = open_store(sys.argv[1])
-for result in map_store(file_tasks(store, store.trip_rows(), sys.argv[2]), InProcess(), 1):
+for result in map_store(file_tasks(store, store.trip_rows(), sys.argv[2]), Workers()):
     print(result.rows, flush=True)
 """
 
@@ -124,7 +126,7 @@ def test_a_killed_driver_goes_on_where_it_was(fleet):
     before = {path: Path(path).stat().st_mtime_ns for path in first}
     tasks = file_tasks(store, store.trip_rows(), out)
     seen = []
-    rows = read_rows(map_store(tasks, InProcess(), 1, lambda done, total: seen.append(done)))
+    rows = read_rows(map_store(tasks, Workers(), lambda done, total: seen.append(done)))
     assert {path: Path(path).stat().st_mtime_ns for path in first} == before
     assert len(seen) <= len(tasks) - 2  # progress is of what was left
     assert np.array_equal(rows.sums.xx, model.sums.xx)

@@ -11,7 +11,7 @@ from tests.fleet.rows import mapped
 from tests.support.refusals import refuses
 
 from tripwatt.errors import InvalidInput
-from tripwatt.fleet.executors import InProcess
+from tripwatt.fleet.executors import Workers
 from tripwatt.fleet.features import segment_features
 from tripwatt.fleet.mapping import SampledTrips, read_rows, sample_digests
 from tripwatt.fleet.model import _MIN_TRIPS, fit_fleet, held_out_correctors, predict_rows, update_fleet
@@ -37,13 +37,13 @@ def test_an_update_is_the_fit_of_all_trips(fleet, tmp_path):
 
     shutil.copytree(store.place, tmp_path / "store")
     copy = open_store(tmp_path / "store")
-    same, none = update_fleet(model, copy, tmp_path / "work", InProcess())
+    same, none = update_fleet(model, copy, tmp_path / "work", Workers())
     assert same is model
     assert len(none) == 0
     logs = new_logs(plan, 8)
     for k, car_model in enumerate(plan.car_models):
         copy.add([log for log in logs if int(log.context.car[1:]) % 2 == k], car_model=car_model)
-    updated, rows = update_fleet(model, copy, tmp_path / "work", InProcess())
+    updated, rows = update_fleet(model, copy, tmp_path / "work", Workers())
     assert len(rows) == sum(r["drives"] for r in copy.trip_rows() if r["digest"] not in model.digests) > 5
     assert updated.trips == model.trips + len(rows)
     assert updated.digests > model.digests
@@ -116,7 +116,7 @@ def test_held_out_trips_are_out_of_the_whole_posterior(fleet, rows, sample):
 def test_too_few_trips_are_an_error(fleet, tmp_path):
     _, store, *_ = fleet
     with pytest.raises(InvalidInput, match=f"at least {_MIN_TRIPS}"):
-        fit_fleet(store, tmp_path, InProcess(), which={"vehicle_id": "nobody"})
+        fit_fleet(store, tmp_path, Workers(), which={"vehicle_id": "nobody"})
 
 
 def test_the_core_imports_no_fleet_package():
@@ -144,6 +144,6 @@ def test_a_forecast_needs_no_driver_and_knows_the_temperature_class(fleet):
     ]
     assert mild[0] == mild[1]
     by_model = replace(model, scores={"cold": cold, "bmw_i3_60ah": model.uncertainty.scores})
-    assert by_model.uncertainty_of("bmw_i3_60ah", True).scores is model.uncertainty.scores
-    assert by_model.uncertainty_of("nissan_leaf_24", True).scores is cold
+    assert by_model.uncertainty_of("bmw_i3_60ah", 0.0).scores is model.uncertainty.scores
+    assert by_model.uncertainty_of("nissan_leaf_24", 0.0).scores is cold
     assert by_model.uncertainty_of("nissan_leaf_24").scores is model.uncertainty.scores

@@ -47,7 +47,7 @@ def faults_of(call, *arguments, **more):
 
 
 def test_a_need_is_the_quantile_of_the_vehicle_s_own_model(fleet, needs):
-    own = fleet[2].of_vehicle("V00001", cold=True)
+    own = fleet[2].of_vehicle("V00001", ambient_degc=-5.0)
     alone = need(60.0, "motorway", tw.Departure(ambient_temperature_degc=-5.0), model=own, probability=0.95)
     row = needs.set_index("vehicle_id").loc["V00001"]
     assert row["energy_wh"] == pytest.approx(alone.energy_wh, rel=0.02)
@@ -93,7 +93,7 @@ def test_a_trip_of_links_is_forecast_on_its_road(fleet, tmp_path):
     own = fleet[2].forecast(road, tw.Departure(ambient_temperature_degc=4.0), vehicle_id="V00000")
     (row,) = needs_by_car(fleet[2], [trip], -20.0, probability=0.9, reserve=0.1).to_dict("records")
     for name in sorted(set(fleet[2].vehicles().values())):
-        new = fleet[2].of_vehicle(None, car_model=name, cold=True)
+        new = fleet[2].of_vehicle(None, car_model=name, ambient_degc=-5.0)
         charge = new.forecast(road, tw.Departure(ambient_temperature_degc=-20.0)).along.soc(0.9)
         assert row[name] == pytest.approx(0.1 + charge[0] - charge[-1], rel=1e-6)
     assert table["energy_quantile_wh"].item() == pytest.approx(own.quantile(0.95))

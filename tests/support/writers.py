@@ -132,7 +132,7 @@ def run(text):
 """
 
 STORE: Final = """
-import deltalake, pyarrow.dataset
+import deltalake, pyarrow.dataset, tripwatt.fleet.store.store
 from tripwatt.forecasting import load_model
 load_model()
 from dataclasses import replace
@@ -153,8 +153,9 @@ if out.exists() and (store := opened()) is not None:
     assert len(found) >= (4 if stage == "later" else 1 if with_old else 0), "a trip is lost"
     assert len(store.trips()) == len(found), "rows without samples"
 def run(text):
+    tripwatt.fleet.store.store.BATCH = 2
     store = (opened() if out.exists() else None) or create_store(out, buckets=1)
-    store.add(LOGS[:1] if text == "old" else LOGS, car_model="bmw_i3_60ah", vehicle_id="a", batch=2)
+    store.add(LOGS[:1] if text == "old" else LOGS, car_model="bmw_i3_60ah", vehicle_id="a")
 """
 
 UPLOADS: Final = """

@@ -22,10 +22,9 @@ from tripwatt.errors import InvalidInput, require_extras
 from tripwatt.files import csv_text
 
 if TYPE_CHECKING:
-    from concurrent.futures import Executor
-
     import pandas as pd
 
+    from tripwatt.fleet import executors
     from tripwatt.fleet.registry import Registry
     from tripwatt.fleet.statistics import TripRows
     from tripwatt.study.report.fleets import ManagerReport
@@ -48,7 +47,7 @@ class Workers:
     jobs: Annotated[int, option("N", "Processes of this machine.", min=1)] = 1
     cluster: Annotated[str | None, option("ADDRESS", CLUSTER)] = None
 
-    def running(self) -> AbstractContextManager[tuple[Executor, int]]:
+    def running(self) -> AbstractContextManager[executors.Workers]:
         """Start processes or connect to a cluster; the context gives the executor and the number of its workers."""
         from tripwatt.fleet.executors import executor_for
 
@@ -89,8 +88,8 @@ def fit(fleet: Fleet) -> Answer:
     from tripwatt.fleet.model import fit_fleet
 
     source, target = fleet.opened(), _registry(fleet.registry)
-    with progress(console()) as advance, fleet.running() as (executor, workers):
-        model = fit_fleet(source, fleet.place, executor, workers, progress=advance)
+    with progress(console()) as advance, fleet.running() as workers:
+        model = fit_fleet(source, fleet.place, workers, progress=advance)
     version = target.add(model, f"fit on {model.trips} trips")
     first = not any(entry["action"] == "promote" for entry in target.history())
     if first:
@@ -117,8 +116,8 @@ def update(fleet: Fleet) -> Answer:
 
     source, target = fleet.opened(), _registry(fleet.registry)
     before = target.load()
-    with fleet.running() as (executor, workers):
-        model, rows = update_fleet(before, source, fleet.place, executor, workers)
+    with fleet.running() as workers:
+        model, rows = update_fleet(before, source, fleet.place, workers)
     version = target.current()
     if not len(rows):
         return Answer({"version": version, "trips": 0}, f"version {version}: no new trips")
@@ -158,8 +157,8 @@ def refit(
     from tripwatt.fleet.life import refit_fleet
 
     source, target = fleet.opened(), _registry(fleet.registry)
-    with progress(console()) as advance, fleet.running() as (executor, workers):
-        done = refit_fleet(source, target, fleet.place, executor, workers, weeks=weeks, progress=advance)
+    with progress(console()) as advance, fleet.running() as workers:
+        done = refit_fleet(source, target, fleet.place, workers, weeks=weeks, progress=advance)
     version, comparison, promoted = done
     document = {"version": version, "in_use": promoted, "reason": f"{comparison}"}
     sentence = f"version {version} is {'' if promoted else 'not '}in use: {comparison}"
@@ -245,7 +244,7 @@ def batch(
       # forecast many planned trips
       tripwatt fleet batch models tomorrow.parquet --out forecasts.parquet
     """
-    with workers.running() as (executor, count):  # worker processes import modules while this process does
+    with workers.running() as running:  # worker processes import modules while this process does
         import pyarrow.compute as pc
         import pyarrow.parquet as pq
 
@@ -253,7 +252,7 @@ def batch(
 
         target, asked = _registry(registry), quantile or QUANTILES
         model = target.path(target.current())
-        done = forecast_batch(model, trips, out, executor, count, quantiles=asked, reserve=reserve)
+        done = forecast_batch(model, trips, out, running, quantiles=asked, reserve=reserve)
     table = pq.read_table(out, columns=["energy_wh", "error"])
     failed = done - int(table["error"].null_count)
     total_wh = float(pc.sum(table["energy_wh"]).as_py() or 0.0)
@@ -412,9 +411,9 @@ def _rows(store: Store, work: Path, on: Workers) -> TripRows:
     from tripwatt.fleet.mapping import store_rows, usable_trips
 
     source = store.opened()
-    with progress(console()) as advance, on.running() as (executor, workers):
+    with progress(console()) as advance, on.running() as workers:
         listed = usable_trips(source)
-        return store_rows(source, listed, work, executor, workers, progress=advance)[0]
+        return store_rows(source, listed, work, workers, progress=advance)[0]
 
 
 def evaluate(

@@ -94,9 +94,7 @@ def forecast(
             plan = check(tw.read_route, trip, speed_m_s=speed_m_s)
             read = partial(read_canonical, required=("time_s",), minimum=2)
             measured = None if observed is None else check(read, observed)
-            car = vehicle and check(tw.load_vehicle, vehicle)
-            known = check(departure)
-            fitted = shared.model_after(check, model)
+            car, known, fitted = shared.checked(check, vehicle, departure, model)
         expected = tw.for_car(fitted, car).forecast(plan, known)
     if measured is not None:
         expected = expected.update(measured)
@@ -200,9 +198,7 @@ def advise(
     with shared.options_named():
         with Check() as check:
             plan = check(tw.read_route, trip)
-            car = vehicle and check(tw.load_vehicle, vehicle)
-            known = check(departure)
-            fitted = shared.model_after(check, model)
+            car, known, fitted = shared.checked(check, vehicle, departure, model)
         advice = tw.advise(plan, known, car, fitted, reserve=reserve, probability=probability)
     return Answer(advice.to_dict, partial(_show_advice, advice))
 

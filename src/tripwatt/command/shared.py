@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from pathlib import Path
@@ -176,9 +176,10 @@ def options_named() -> AbstractContextManager[None]:
     return places_named({name: field.option for name, field in ASKED.items()} | others)
 
 
-def model_after(check: Check, folder: Path | None) -> tw.ForecastModel | None:
-    """Load the model of a folder; the bundled model, which has no fault, only if the checks before have found none."""
-    return None if folder is None and check.failed else check(_model_of, folder)
+def checked(check: Check, car: str | None, departure: Callable[[], Any], model: Path | None) -> Any:
+    """Return a car, a departure and a model; the bundled model, which has no fault, only if the checks have found none."""
+    vehicle, known = car and check(tw.load_vehicle, car), check(departure)
+    return vehicle, known, None if model is None and check.failed else check(_model_of, model)
 
 
 def _model_of(folder: Path | None) -> tw.ForecastModel:

@@ -10,7 +10,7 @@ import tripwatt as tw
 from tripwatt.command import shared
 from tripwatt.command.options import Answer, argument, flag, make_group, option
 from tripwatt.command.printing import print_notes, say
-from tripwatt.errors import Fault, InvalidInput, grouped, raise_faults
+from tripwatt.errors import Fault, InvalidInput, grouped, raise_faults, require_one
 
 if TYPE_CHECKING:
     from tripwatt.fleet.store import TripStore
@@ -103,9 +103,7 @@ def add(
     """
     from tripwatt.fleet.store import add_files
 
-    if (vehicle is None) == (cars is None):
-        got = "neither" if cars is None else "both"
-        raise InvalidInput.of("one of them is needed", "--car, --cars", got, "one of the two")
+    require_one("--car, --cars", vehicle, cars)
     if vehicle is not None:
         tw.load_vehicle(vehicle)
         vehicle = f"{Path(vehicle).resolve()}" if vehicle.endswith(".toml") else vehicle

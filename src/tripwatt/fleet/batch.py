@@ -12,7 +12,6 @@ import hashlib
 import json
 import shutil
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from concurrent.futures import Executor
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import lru_cache
@@ -28,7 +27,7 @@ import pyarrow.parquet as pq
 
 from tripwatt.errors import Fault, InvalidInput
 from tripwatt.files import open_regular
-from tripwatt.fleet.executors import map_bounded
+from tripwatt.fleet.executors import Workers
 from tripwatt.fleet.mapping import write_parquet
 from tripwatt.fleet.model import FleetModel
 from tripwatt.fleet.storage import load_fleet
@@ -89,8 +88,7 @@ def forecast_batch(
     model: Path | str,
     source: Path | str,
     out: Path | str,
-    executor: Executor,
-    workers: int = 1,
+    workers: Workers,
     *,
     quantiles: Sequence[float] = QUANTILES,
     reserve: float = 0.1,
@@ -105,8 +103,7 @@ def forecast_batch(
         Folder of a model of a fleet, which every worker can reach.
     source, out : path
         Parquet files.
-    executor : Executor
-    workers : int
+    workers : Workers
     quantiles : sequence of float
         Quantiles of the energy, in the columns `energy_wh_q05` and so on, and of the displayed charge at arrival, in
         `soc_arrival_q05` and so on.
@@ -146,7 +143,7 @@ def forecast_batch(
                 if not (unfinished / part.name).is_file():
                     yield part
 
-        for name, forecasts in map_bounded(executor, workers, _forecast_part, unfinished_parts()):
+        for name, forecasts in workers.map(_forecast_part, unfinished_parts()):
             write_parquet(unfinished / name, [forecasts], forecasts.schema)
     groups = (names[k : k + _PARTS_PER_ROW_GROUP] for k in range(0, len(names), _PARTS_PER_ROW_GROUP))
     tables = (pa.concat_tables([pq.read_table(unfinished / name) for name in group]) for group in groups)

@@ -15,7 +15,7 @@ import pandas as pd
 from scipy.special import ndtr
 
 from tripwatt.arrays import FloatArray
-from tripwatt.errors import InvalidInput
+from tripwatt.errors import or_none
 from tripwatt.fleet.changes import BATTERY, display_trips, last_changes
 from tripwatt.fleet.mapping import load_car
 from tripwatt.fleet.statistics import TripRows
@@ -163,10 +163,8 @@ def battery_table(
 
 def _new_wh(car_model: str) -> float:
     """Return the published usable energy of a car model [Wh]; NaN if it has no figures."""
-    try:
-        return usable_energy_wh(load_car(car_model).battery)
-    except InvalidInput:
-        return np.nan
+    published_wh = or_none(lambda: usable_energy_wh(load_car(car_model).battery))
+    return np.nan if published_wh is None else published_wh
 
 
 def route_ends(

@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import multiprocessing
 from collections.abc import Callable, Iterable, Iterator
-from concurrent.futures import FIRST_COMPLETED, Executor, Future, ProcessPoolExecutor, wait
+from concurrent import futures
 from contextlib import contextmanager
+from dataclasses import dataclass, field
+from functools import partial
+from importlib import import_module
 from itertools import islice
 from multiprocessing.context import BaseContext
 from typing import Any, Final, TypeVar
 
-from tripwatt.errors import InvalidInput
+from tripwatt.errors import InvalidInput, require_extras
 
 Task = TypeVar("Task")
 Result = TypeVar("Result")
@@ -22,27 +25,39 @@ CLUSTER_WAIT_S: Final = 30.0
 """Time [s] within which a cluster has to answer: a choice, because workers of a cluster may take some seconds to start."""
 
 
-class InProcess(Executor):
-    """Runs each task when it is submitted, in this process.
+@dataclass(frozen=True)
+class Workers:
+    """An executor and the number of its workers; by default one thread of this process.
 
     Examples
     --------
-    >>> InProcess().submit(abs, -3).result()
-    3
+    >>> sorted(Workers().map(abs, [-3, 2]))
+    [2, 3]
     """
 
-    def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
-        """Call a function at once, and return a finished future with its result or exception."""
-        future: Future[Any] = Future()
+    executor: futures.Executor = field(default_factory=partial(futures.ThreadPoolExecutor, 1))
+    number: int = 1
+
+    def map(self, function: Callable[[Task], Result], tasks: Iterable[Task]) -> Iterator[Result]:
+        """Map a function over tasks, and yield results as they finish; at most `_TASKS_PER_WORKER` tasks per worker are submitted at once."""
+        waiting: set[futures.Future[Result]] = set()
+        remaining = iter(tasks)
         try:
-            future.set_result(fn(*args, **kwargs))
-        except Exception as error:
-            future.set_exception(error)
-        return future
+            while True:
+                for task in islice(remaining, _TASKS_PER_WORKER * self.number - len(waiting)):
+                    waiting.add(self.executor.submit(function, task))
+                if not waiting:
+                    return
+                finished, waiting = futures.wait(waiting, return_when=futures.FIRST_COMPLETED)
+                for future in finished:
+                    yield future.result()
+        finally:
+            for future in waiting:
+                future.cancel()
 
 
 @contextmanager
-def executor_for(n_jobs: int = 1, cluster: str | None = None) -> Iterator[tuple[Executor, int]]:
+def executor_for(n_jobs: int = 1, cluster: str | None = None) -> Iterator[Workers]:
     """Yield an executor and the number of its workers.
 
     Parameters
@@ -59,20 +74,23 @@ def executor_for(n_jobs: int = 1, cluster: str | None = None) -> Iterator[tuple[
 
     Examples
     --------
-    >>> with executor_for(1) as (executor, workers):
-    ...     workers, executor.submit(abs, -2).result()
-    (1, 2)
+    >>> with executor_for(1) as workers:
+    ...     workers.number, list(workers.map(abs, [-2]))
+    (1, [2])
     """
     if cluster is not None:
         with _dask_executor(cluster) as workers:
             yield workers
-    elif n_jobs == 1:
-        yield InProcess(), 1
     elif n_jobs < 1:
         raise InvalidInput.of("value out of range", "n_jobs", f"{n_jobs}", "at least 1")
     else:
-        with ProcessPoolExecutor(n_jobs, mp_context=_process_context()) as pool:
-            yield pool, n_jobs
+        several = n_jobs > 1
+        with (
+            futures.ProcessPoolExecutor(n_jobs, _process_context())
+            if several
+            else futures.ThreadPoolExecutor(1) as pool
+        ):
+            yield Workers(pool, n_jobs)
 
 
 def _process_context() -> BaseContext:
@@ -88,11 +106,10 @@ def _process_context() -> BaseContext:
 
 
 @contextmanager
-def _dask_executor(cluster: str) -> Iterator[tuple[Executor, int]]:
+def _dask_executor(cluster: str) -> Iterator[Workers]:
     """Yield an executor on a Dask cluster and the number of its threads, once it has a worker."""
-    from tripwatt.fleet.store.delta import import_extra  # slow to import
-
-    distributed = import_extra("distributed", "for clusters", "fleet")
+    require_extras({"fleet": "--cluster"})
+    distributed: Any = import_module("distributed")
     try:
         client = distributed.Client(cluster, timeout=CLUSTER_WAIT_S, set_as_default=False)
     except (OSError, TimeoutError, ValueError) as error:
@@ -101,30 +118,10 @@ def _dask_executor(cluster: str) -> Iterator[tuple[Executor, int]]:
         raise InvalidInput.of("no cluster", cluster, got, allowed) from error
     try:
         client.wait_for_workers(1, timeout=CLUSTER_WAIT_S)
-        workers = sum(client.nthreads().values())
+        number = max(sum(client.nthreads().values()), 1)
         # tasks can be repeated on another worker, since they are pure functions of immutable files
-        yield client.get_executor(pure=False, retries=3), max(workers, 1)
+        yield Workers(client.get_executor(pure=False, retries=3), number)
     except TimeoutError as error:
         raise InvalidInput.of("cluster has no workers", cluster, "", "at least one worker") from error
     finally:
         client.close()
-
-
-def map_bounded(
-    executor: Executor, workers: int, function: Callable[[Task], Result], tasks: Iterable[Task]
-) -> Iterator[Result]:
-    """Map a function over tasks, and yield results as they finish; at most `_TASKS_PER_WORKER` tasks per worker are submitted at once."""
-    waiting: set[Future[Result]] = set()
-    remaining = iter(tasks)
-    try:
-        while True:
-            for task in islice(remaining, _TASKS_PER_WORKER * workers - len(waiting)):
-                waiting.add(executor.submit(function, task))
-            if not waiting:
-                return
-            finished, waiting = wait(waiting, return_when=FIRST_COMPLETED)
-            for future in finished:
-                yield future.result()
-    finally:
-        for future in waiting:
-            future.cancel()

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import datetime as dt
 from collections.abc import Callable
-from concurrent.futures import Executor
 from pathlib import Path
 
 from tripwatt.errors import InvalidInput
+from tripwatt.fleet.executors import Workers
 from tripwatt.fleet.mapping import SampledTrips, file_tasks, map_store
 from tripwatt.fleet.model import fit_fleet, update_fleet
 from tripwatt.fleet.registry import Comparison, Registry, compare
@@ -18,8 +18,7 @@ def refit_fleet(
     store: TripStore,
     registry: Registry,
     work: Path | str,
-    executor: Executor,
-    workers: int = 1,
+    workers: Workers,
     *,
     weeks: float = 4.0,
     progress: Callable[[int, int], None] | None = None,
@@ -31,7 +30,7 @@ def refit_fleet(
     store : TripStore
     registry : Registry
         A registry that has a version in use.
-    work, executor, workers, progress
+    work, workers, progress
         As in `fit_fleet`.
     weeks : float
         Number of newest weeks, counted back from the newest departure of the store.
@@ -53,16 +52,16 @@ def refit_fleet(
         raise InvalidInput.of("times of departure are missing", store.place, "", "trips with a departure")
     cut = (dt.datetime.fromisoformat(last_departure) - dt.timedelta(weeks=weeks)).isoformat()
     champion = registry.load()
-    challenger = fit_fleet(store, work, executor, workers, which={"until": cut}, progress=progress)
+    challenger = fit_fleet(store, work, workers, which={"until": cut}, progress=progress)
     newest = store.trip_rows(since=cut)
     digests = frozenset(row["digest"] for row in newest)
-    results = map_store(file_tasks(store, newest, work, digests), executor, workers)
+    results = map_store(file_tasks(store, newest, work, digests), workers)
     sample = SampledTrips.read(results)
     comparison = compare(champion, challenger, sample)
     if comparison.worse:
         version = registry.add(challenger, f"refit until {cut}, worse than the version in use")
         return version, comparison, False
-    updated, _ = update_fleet(challenger, store, work, executor, workers)
+    updated, _ = update_fleet(challenger, store, work, workers)
     version = registry.add(updated, f"refit until {cut}, then updated")
     registry.promote(version, comparison)
     return version, comparison, True

@@ -10,7 +10,6 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
@@ -26,7 +25,7 @@ from tripwatt.arrays import IntArray, by_key
 from tripwatt.auditing import audit
 from tripwatt.errors import InvalidInput
 from tripwatt.files import write_file
-from tripwatt.fleet.executors import map_bounded
+from tripwatt.fleet.executors import Workers
 from tripwatt.fleet.features import FEATURES, trip_features, trip_variance_wh2
 from tripwatt.fleet.statistics import KEYS, NO_DRIVER, ROWS, TripRows
 from tripwatt.fleet.store import TripStore, read_file
@@ -146,25 +145,21 @@ def _place_of(store: TripStore) -> str:
 
 
 def map_store(
-    tasks: Sequence[_FileTask],
-    executor: Executor,
-    workers: int,
-    progress: Callable[[int, int], None] | None = None,
+    tasks: Sequence[_FileTask], workers: Workers, progress: Callable[[int, int], None] | None = None
 ) -> Iterator[_FileResult]:
     """Yield the results of all tasks, those of finished tasks first.
 
     Parameters
     ----------
     tasks : sequence of _FileTask
-    executor : Executor
-    workers : int
+    workers : Workers
     progress : callable, optional
         Called with (finished tasks, all tasks) after each task that is run.
     """
     by_state = by_key(tasks, lambda task: task.result.rows.is_file())
     yield from (task.result for task in by_state.get(True, ()))
     open_tasks = by_state.get(False, [])
-    new_results = map_bounded(executor, workers, run_task, open_tasks)
+    new_results = workers.map(run_task, open_tasks)
     for number, result in enumerate(new_results, len(tasks) - len(open_tasks) + 1):
         if progress is not None:
             progress(number, len(tasks))
@@ -390,7 +385,7 @@ def usable_trips(store: TripStore, **which: Any) -> pd.DataFrame:
 
 
 def store_rows(
-    store: TripStore, listed: pd.DataFrame, work: Path | str, executor: Executor, workers: int = 1, *,
+    store: TripStore, listed: pd.DataFrame, work: Path | str, workers: Workers, *,
     sampled: frozenset[str] = frozenset(), progress: Callable[[int, int], None] | None = None,
 ) -> tuple[TripRows, list[_FileResult]]:  # fmt: skip
     """Return the rows of the listed trips, and the results of the tasks that were needed for them.
@@ -405,7 +400,7 @@ def store_rows(
         From `usable_trips`.
     work : path
         Folder of finished parts.
-    executor, workers, progress
+    workers, progress
         As in `map_store`.
     sampled : frozenset of str
         Digests of the trips whose segments are needed, too.
@@ -419,7 +414,7 @@ def store_rows(
     results: list[_FileResult] = []
     if new | sampled:
         tasks = file_tasks(store, store.trip_rows(digests=new | sampled), work, sampled)
-        results = list(map_store(tasks, executor, workers, progress))
+        results = list(map_store(tasks, workers, progress))
     if new:
         made = read_rows(results).table.filter(is_one_of("digest", new))
         without = new.difference(made["digest"].to_pylist())  # a trip without a row is not read again, either

@@ -9,7 +9,6 @@ from __future__ import annotations
 import hashlib
 from collections import Counter
 from collections.abc import Callable, Mapping
-from concurrent.futures import Executor
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -20,6 +19,7 @@ import numpy as np
 from tripwatt.arrays import FloatArray, IntArray, by_key
 from tripwatt.errors import InvalidInput
 from tripwatt.fleet.corrector import FleetCorrector, FleetTrees, choose_rounds
+from tripwatt.fleet.executors import Workers
 from tripwatt.fleet.features import FEATURES, START
 from tripwatt.fleet.mapping import SampledTrips, load_car, sample_digests, store_rows, usable_trips
 from tripwatt.fleet.statistics import TripRows
@@ -130,7 +130,7 @@ class FleetModel:
         *,
         car_model: str | None = None,
         driver: str | None = None,
-        cold: bool | None = None,
+        ambient_degc: float | None = None,
     ) -> ForecastModel:
         """Return the forecasting model of one vehicle.
 
@@ -141,8 +141,8 @@ class FleetModel:
         car_model : str, optional
             Name of a car of the library. By default, the car model of the vehicle's trips.
         driver : str, optional
-        cold : bool, optional
-            Temperature class of the trip. Its scores are used if the car model has none of its own.
+        ambient_degc : float, optional
+            Outside temperature [°C]. The scores of its class are used if the car model has none of its own.
 
         Raises
         ------
@@ -160,17 +160,17 @@ class FleetModel:
         mean, covariance = self.posterior.weights(name, vehicle_id, driver)
         model = ForecastModel(load_car(name), "fleet")
         model.corrector_ = FleetCorrector.from_weights(mean, covariance, self.trees)
-        model.uncertainty_ = self.uncertainty_of(name, cold)
+        model.uncertainty_ = self.uncertainty_of(name, ambient_degc)
         model.ranges_ = self.ranges
         model.trip_ids_ = ("",) * self._counts[name, vehicle_id or ""]
         return model
 
-    def uncertainty_of(self, car_model: str, cold: bool | None = None) -> UncertaintyModel:
+    def uncertainty_of(self, car_model: str, ambient_degc: float | None = None) -> UncertaintyModel:
         """Return the fleet's uncertainty with the charge scale and the scores of a car model.
 
         If the car model has no scores, those of the temperature class are used, and else those of the whole fleet.
         """
-        temperature = "" if cold is None else ("cold" if cold else "mild")
+        temperature = "" if ambient_degc is None else "cold" if ambient_degc < COLD_DEGC else "mild"
         of_fleet = self.scores.get(temperature, self.uncertainty.scores)
         scores = self.scores.get(car_model, of_fleet)
         return replace(self.uncertainty, scores=scores, charge=self.charges.get(car_model))
@@ -193,11 +193,9 @@ class FleetModel:
         vehicle_id, car_model, driver
             As in `of_vehicle`.
         """
-        known = trip.departure.merge(departure)
-        ambient = known.ambient_temperature_degc
-        cold = None if ambient is None else ambient < COLD_DEGC
-        vehicle_model = self.of_vehicle(vehicle_id, car_model=car_model, driver=driver, cold=cold)
-        return vehicle_model.forecast(trip, departure)
+        degc = trip.departure.merge(departure).ambient_temperature_degc
+        model = self.of_vehicle(vehicle_id, car_model=car_model, driver=driver, ambient_degc=degc)
+        return model.forecast(trip, departure)
 
     def with_sums(self, sums: Sums) -> FleetModel:
         """Return the model with other trips in its linear part and the same trees, scales and uncertainty."""
@@ -224,8 +222,7 @@ def predict_rows(posterior: GroupPosterior, rows: TripRows) -> tuple[FloatArray,
 def fit_fleet(
     store: TripStore,
     work: Path | str,
-    executor: Executor,
-    workers: int = 1,
+    workers: Workers,
     *,
     which: Mapping[str, Any] | None = None,
     sampling: Sampling | None = None,
@@ -238,8 +235,7 @@ def fit_fleet(
     store : TripStore
     work : path
         Folder of finished parts, which every worker can reach. An interrupted fit continues from these parts.
-    executor : Executor
-    workers : int
+    workers : Workers
     which : mapping, optional
         Arguments of `TripStore.trips` that select the trips to fit on. By default, all trips.
     sampling : Sampling, optional
@@ -255,7 +251,7 @@ def fit_fleet(
     listed = usable_trips(store, **(which or {}))
     records: list[Any] = listed.to_dict("records")
     chosen = sample_digests(records, sampling.per_vehicle, sampling.vehicles, sampling.seed)
-    rows, results = store_rows(store, listed, work, executor, workers, sampled=chosen, progress=progress)
+    rows, results = store_rows(store, listed, work, workers, sampled=chosen, progress=progress)
     if len(rows) < _MIN_TRIPS:
         raise InvalidInput.of(
             "too few trips", "fleet", f"{len(rows)}", f"at least {_MIN_TRIPS} with measured energy"
@@ -336,11 +332,7 @@ def _by_class(
 
 
 def update_fleet(
-    model: FleetModel,
-    store: TripStore,
-    work: Path | str,
-    executor: Executor,
-    workers: int = 1,
+    model: FleetModel, store: TripStore, work: Path | str, workers: Workers
 ) -> tuple[FleetModel, TripRows]:
     """Update a model with the trips of the store that are new. O(new trips).
 
@@ -355,7 +347,7 @@ def update_fleet(
     """
     listed = usable_trips(store)
     new = listed[~listed["digest"].isin(model.digests)]
-    rows, _ = store_rows(store, new, work, executor, workers)
+    rows, _ = store_rows(store, new, work, workers)
     if not len(rows):
         return model, rows
     digests = model.digests | frozenset(rows.texts("digest").tolist())

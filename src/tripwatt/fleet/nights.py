@@ -22,7 +22,7 @@ from tripwatt.arrays import FloatArray, eigen
 from tripwatt.errors import Check, Fault, InvalidInput, places_within
 from tripwatt.fleet.batch import DEPARTURE_COLUMNS, flag_columns
 from tripwatt.fleet.features import FEATURES, trip_features
-from tripwatt.fleet.model import COLD_DEGC, FleetModel
+from tripwatt.fleet.model import FleetModel
 from tripwatt.fleet.statistics import TripRows
 from tripwatt.forecasting import Forecast, ForecastModel
 from tripwatt.forecasting.leaving import OF_CHARGE
@@ -115,10 +115,9 @@ class PlannedTrip:
 
     def forecast_by(self, fleet: FleetModel) -> tuple[Vehicle, Forecast]:
         """Return the car and its forecast of the trip by the model of a fleet."""
-        ambient = self.departure.ambient_temperature_degc
-        cold = None if ambient is None else ambient < COLD_DEGC
+        degc, car = self.departure.ambient_temperature_degc, self.car_model
         with places_within(self.where):
-            model = fleet.of_vehicle(self.vehicle_id, car_model=self.car_model, driver=self.driver, cold=cold)
+            model = fleet.of_vehicle(self.vehicle_id, car_model=car, driver=self.driver, ambient_degc=degc)
             return model.vehicle, self.forecast(model)
 
 
@@ -456,9 +455,8 @@ def needs_by_car(
     DataFrame
         Displayed charge to leave with: one row per route, named in the column `trip`, and one column per car model.
     """
-    cold = ambient_degc < COLD_DEGC
     names = sorted(set(model.vehicles().values()))
-    models = {name: model.of_vehicle(None, car_model=name, cold=cold) for name in names}
+    models = {name: model.of_vehicle(None, car_model=name, ambient_degc=ambient_degc) for name in names}
     needs = {}
     for name, trip in {trip.name: trip for trip in trips}.items():
         cold_trip = trip.in_air(ambient_degc)

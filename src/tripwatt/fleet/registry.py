@@ -88,12 +88,9 @@ class Comparison:
 def predict_sample(model: FleetModel, sample: SampledTrips) -> FloatArray:
     """Predict the energy [Wh] of sampled trips by linear part and trees, shape (trips,)."""
     table = sample.table
-    correction = model.trees.predict(table)
-    linear = trip_features(table)
-    energy = table.totals_wh(table.simulated_w + correction)
-    for i, group in enumerate(sample.groups):
-        energy[i] += float(linear[i] @ model.posterior.weights(*group)[0])
-    return energy
+    weights = np.array([model.posterior.weights(*group)[0] for group in sample.groups])
+    by_trees = table.totals_wh(table.simulated_w + model.trees.predict(table))
+    return np.asarray(by_trees + (trip_features(table) * weights).sum(axis=1))
 
 
 def without_sampled(model: FleetModel, sample: SampledTrips) -> FleetModel:

@@ -317,12 +317,13 @@ def driving_w(table: SegmentTable) -> FloatArray:
     return np.asarray(causes.sum(axis=1))
 
 
-def require_measured(trips: Sequence[Trip]) -> None:
-    """Raise `InvalidInput` for every trip without measured energy, and if there is no trip."""
+def require_measured(trips: Sequence[Trip], *, positive: bool = False) -> None:
+    """Raise `InvalidInput` for every trip without measured energy, with `positive` above 0 Wh, and if there is no trip."""
+    allowed = "voltage and current, or a column observed_energy_wh" + ", above 0 Wh" * positive
     faults = [
-        Fault("no measured energy", trip.trip_id, "", "voltage and current, or a column observed_energy_wh")
-        for trip in trips
-        if trip.observed_energy_wh is None
+        Fault("no measured energy", t.trip_id, "0 Wh or less" * (t.observed_energy_wh is not None), allowed)
+        for t in trips
+        if t.observed_energy_wh is None or (positive and not t.observed_energy_wh > 0.0)
     ]
     if not trips:
         faults.append(Fault("no trips", "training", "0", "at least 1 with measured energy"))

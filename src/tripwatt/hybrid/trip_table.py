@@ -11,8 +11,8 @@ import numpy as np
 import pandas as pd
 
 from tripwatt.arrays import FloatArray, IntArray
-from tripwatt.errors import Fault, raise_faults
 from tripwatt.hybrid.rows import RowTable
+from tripwatt.hybrid.segments import require_measured
 from tripwatt.physics import simulate_trip
 from tripwatt.trips import Trip, require_unique_ids, resample
 from tripwatt.units import SECONDS_PER_HOUR
@@ -170,15 +170,7 @@ def build_table(trips: Sequence[Trip], physics: Mapping[str, Vehicle], *, step_s
     (2, ['physics'])
     """
     require_unique_ids(trips)
-    allowed = "voltage and current, energy above 0 Wh"
-    faults = [
-        Fault("no measured energy", t.trip_id, f"{t.observed_energy_wh} Wh", allowed)
-        for t in trips
-        if t.observed_energy_wh is None or not t.observed_energy_wh > 0
-    ]
-    if not trips:
-        faults.append(Fault("no trips", "trips", "0", "at least one"))
-    raise_faults(faults)
+    require_measured(trips, positive=True)
     blocks = tuple(resample(trip, step_s) for trip in trips)
     covariates, notes = _covariates(blocks)
     return TripTable(

@@ -160,10 +160,11 @@ def test_rows_and_samples_make_a_log_without_a_store():
     assert same(log_from_rows(rows[0], columns), log)
 
 
-def test_adding_twice_is_adding_once(store):
+def test_adding_twice_is_adding_once(store, monkeypatch):
+    monkeypatch.setattr("tripwatt.fleet.store.store.BATCH", 2)
     logs = [drive(trip=f"T{i}", start=0.1 * i, day=i + 1) for i in range(5)]
     seen = []
-    assert store.add(logs, car_model=CAR, batch=2, progress=seen.append) == Added(5, 0, 0)
+    assert store.add(logs, car_model=CAR, progress=seen.append) == Added(5, 0, 0)
     assert [s.added for s in seen] == [2, 4, 5]
     assert store.add(logs, car_model=CAR) == Added(0, 5, 0)
     renamed = [replace(logs[0], trip_id="again"), logs[1], drive(trip="new", start=9.0)]
@@ -194,7 +195,6 @@ def test_every_fault_of_the_logs_is_named_and_nothing_is_added(store):
     assert len(store.samples.read(["sample"])) == 800
     for bad in ("", "x" * 201, "a\tb"):
         refuses("invalid name of a car model", store.add, [], car_model=bad)
-    refuses("batch: got 0", store.add, [], car_model=CAR, batch=0)
 
 
 def test_the_vehicle_of_a_log_counts_before_the_one_that_is_given(store):
@@ -396,12 +396,14 @@ WRITER = """
 import os
 import sys
 sys.path[:0] = sys.argv[4:]
+import tripwatt.fleet.store.store
 from tests.fleet.store.test_store import drive
 from tripwatt.fleet.store import open_store
+tripwatt.fleet.store.store.BATCH = 4
 store = open_store(sys.argv[1])
 first, last = int(sys.argv[2]), int(sys.argv[3])
 logs = (drive(trip=f"T{i}", start=0.01 * i, day=1 + i % 28, vehicle=f"V{i % 5}") for i in range(first, last))
-store.add(logs, car_model="nissan_leaf_24", batch=4, progress=lambda a: print(a.added + a.known, flush=True))
+store.add(logs, car_model="nissan_leaf_24", progress=lambda a: print(a.added + a.known, flush=True))
 os._exit(0)  # without the interpreter's end, at which threads of the store's library may abort a finished process
 """
 

@@ -9,14 +9,13 @@ import json
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
-from importlib import import_module
 from pathlib import Path
 from typing import Any, Final, TypeVar
 
 import pyarrow as pa
 import pyarrow.compute as pc
 
-from tripwatt.errors import InvalidInput, install
+from tripwatt.errors import InvalidInput, require_extras
 
 Result = TypeVar("Result")
 
@@ -31,23 +30,18 @@ _ROW_GROUP_ROWS: Final = 65_536
 """Number of rows in a row group of a data file: some fifty drives at 1 Hz."""
 
 
-def import_extra(module: str, what: str, extra: str) -> Any:
-    """Import a module of an extra; raise `InvalidInput` with the command that installs the extra if the module is missing."""
-    try:
-        return import_module(module)
-    except ImportError as error:
-        raise InvalidInput.of("package is missing", module, "", what, install(extra)) from error
-
-
 def require_deltalake() -> Any:
     """Import the package `deltalake`.
 
     Raises
     ------
     InvalidInput
-        If the package is not installed.
+        If the extra is not installed.
     """
-    return import_extra("deltalake", "for trip stores", "fleet")
+    require_extras({"fleet": "a trip store"})
+    import deltalake
+
+    return deltalake
 
 
 def is_url(place: str) -> bool:

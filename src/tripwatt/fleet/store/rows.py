@@ -7,14 +7,14 @@ import hashlib
 import json
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import asdict, dataclass, fields
 from typing import Any, Final
 
 import numpy as np
 import pyarrow as pa
 
 from tripwatt.arrays import FloatArray
-from tripwatt.auditing import Finding, audit, logs
+from tripwatt.auditing import audit, logs
 from tripwatt.trips import COLUMNS, Context, Log, Recorded, observed_energy, table_of
 
 _COUNTED: Final = "observed_energy_wh"
@@ -149,7 +149,7 @@ def stored_log(log: Recorded, vehicle_id: str, car_model: str, buckets: int) -> 
         "drives": len(audited.trips),
         "as_logged": _unchanged(log, audited.trips),
         ambient: float(np.nanmean(drives[0].array(ambient))) if drives[0].has(ambient) else None,
-        "findings": _findings_json(audited.findings),
+        "findings": json.dumps([asdict(f) for f in audited.findings], ensure_ascii=False),
         "context": json.dumps(context_values(log), ensure_ascii=False),
         "columns": json.dumps(kept_columns(log)),
         "samples": len(log),
@@ -188,15 +188,6 @@ def _measured_energy(drives: Sequence[Recorded]) -> tuple[float | None, float | 
     if all({"voltage_v", "current_a"} <= set(drive.samples.columns) for drive in drives):
         return energy, std, "voltage and current"
     return energy, std, "state of charge" if any(d.observed_energy_common_std for d in drives) else "counter"
-
-
-def _findings_json(findings: Sequence[Finding]) -> str:
-    """Return findings of an audit as JSON: `drive`, `from_s`, `to_s`, `what` and `consequence` of each."""
-    values = [
-        {"drive": f.trip, "from_s": f.from_s, "to_s": f.to_s, "what": f.what, "consequence": f.consequence}
-        for f in findings
-    ]
-    return json.dumps(values, ensure_ascii=False)
 
 
 def context_values(log: Recorded) -> dict[str, Any]:

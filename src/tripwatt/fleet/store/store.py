@@ -24,7 +24,7 @@ import pyarrow.compute as pc
 
 from tripwatt.arrays import by_key
 from tripwatt.auditing import Finding, audit
-from tripwatt.errors import Fault, InvalidInput
+from tripwatt.errors import Fault, InvalidInput, require_one
 from tripwatt.fleet.store.delta import DeltaFolder, is_one_of, join_place, text_column
 from tripwatt.fleet.store.rows import (
     SAMPLES,
@@ -196,14 +196,13 @@ class TripStore:
         *,
         car_model: str | Mapping[str, str],
         vehicle_id: str | None = None,
-        batch: int = BATCH,
         progress: Callable[[Added], None] | None = None,
     ) -> Added:
         """Add logs, except those that are in the store already by their digest.
 
         O(samples), and for each commit a read of the rows of `trips` in the buckets of its vehicles.
 
-        Logs are committed in batches. After a crash, the store has all batches for which `progress` was called.
+        Logs are committed in batches of `BATCH`. After a crash, the store has all batches for which `progress` was called.
 
         Parameters
         ----------
@@ -213,8 +212,6 @@ class TripStore:
             Name of a car of the library, or the one of each vehicle.
         vehicle_id : str, optional
             Vehicle of the logs that name none in `context.car`.
-        batch : int
-            Number of logs in a commit, at least 1.
         progress : callable, optional
             Called with the sums so far after each commit.
 
@@ -231,11 +228,9 @@ class TripStore:
         cars = {} if isinstance(car_model, str) else car_model
         usual = car_model if isinstance(car_model, str) else None
         raise_faults([*_name_faults("car model", usual), *_name_faults("vehicle", vehicle_id)])
-        if batch < 1:
-            raise InvalidInput.of("value out of range", "batch", f"{batch}", "at least 1")
         total = Added()
         remaining = iter(logs.logs if isinstance(logs, TripSet) else logs)
-        while chunk := list(islice(remaining, batch)):
+        while chunk := list(islice(remaining, BATCH)):
             raise_faults(_log_faults(chunk, vehicle_id))
             vehicles = [log.context.car or vehicle_id or "" for log in chunk]
             models = [usual or cars.get(vehicle, "") for vehicle in vehicles]
@@ -505,9 +500,7 @@ class TripStore:
         InvalidInput
             If neither or both are given, or the tables have no rows of them; files that held them earlier are removed all the same.
         """
-        if (vehicle_id is None) == (driver is None):
-            got = "neither" if driver is None else "both"
-            raise InvalidInput.of("one of them is needed", "vehicle_id, driver", got, "one of the two")
+        require_one("vehicle_id, driver", vehicle_id, driver)
         name, value = ("driver", driver) if vehicle_id is None else ("vehicle_id", vehicle_id)
         named = text_column(name) == value
         if vehicle_id is not None:
@@ -703,10 +696,8 @@ def read_file(
 
 
 def _to_iso(moment: dt.date | str, where: str) -> str:
-    if isinstance(moment, dt.date):
-        return moment.isoformat()
     try:
-        return dt.datetime.fromisoformat(moment).isoformat()
+        return dt.datetime.fromisoformat(f"{moment}").isoformat()
     except ValueError as error:
         raise InvalidInput.of("invalid time", where, repr(moment), "a date such as 2024-05-31") from error
 

@@ -9,9 +9,9 @@ from typing import Annotated, Any, TypeVar
 
 from pydantic import AwareDatetime, Field, WrapValidator
 
-from tripwatt.errors import Check, InvalidInput, places_within
+from tripwatt.errors import Check, InvalidInput, places_within, require_one
 from tripwatt.fleet.charging import Depot, Night
-from tripwatt.fleet.model import COLD_DEGC, FleetModel
+from tripwatt.fleet.model import FleetModel
 from tripwatt.fleet.nights import PlannedTrip, needs_by_hour
 from tripwatt.fleet.registry import FollowedModel, Registry
 from tripwatt.forecasting import ForecastModel, load_metadata
@@ -63,9 +63,8 @@ def vehicle_model(fleet: FleetModel, request: schemas.CarRequest) -> ForecastMod
         raise InvalidInput.of("not for a fleet", "car", got, allowed)
     car, known = request.car, fleet.vehicles()
     new = None if car in known else car or min(known.values())
-    ambient = getattr(request, "ambient_temperature_degc", None)
-    cold = None if ambient is None else ambient < COLD_DEGC
-    return fleet.of_vehicle(car if new is None else None, car_model=new, driver=request.driver, cold=cold)
+    degc = getattr(request, "ambient_temperature_degc", None)
+    return fleet.of_vehicle(car, car_model=new, driver=request.driver, ambient_degc=degc)
 
 
 class PlannedTripRequest(schemas.RoadRequest, schemas.TripRequest):
@@ -86,11 +85,9 @@ class PlannedTripRequest(schemas.RoadRequest, schemas.TripRequest):
 
     def planned(self, number: int, limits: Limits) -> PlannedTrip:
         """Return the planned trip; `number` is its position in the request, from 0."""
-        has_road = self.links is not None or self.samples is not None
-        if (self.distance_km is None) != has_road:
-            got = "both" if has_road else "neither"
-            raise InvalidInput.of("one of them is needed", "distance_km, links", got, "one of the two")
-        road: Any = self.plan(limits) if has_road else self.distance_km
+        road: Any = self.samples if self.links is None else self.links
+        require_one("distance_km, links", self.distance_km, road)
+        road = self.distance_km if road is None else self.plan(limits)
         known = schemas.departure_of(self), self.car_model, self.driver, f"trips[{number}]."
         return PlannedTrip(self.trip, self.car, self.departs_at, road, self.kind, *known)
 
