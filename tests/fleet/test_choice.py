@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 import pytest
+from scipy.optimize import linprog
 from tests.fleet.depots import AT, UNIT_WH, needs_of
 from tests.fleet.store.test_store import drive
 from typer.testing import CliRunner
@@ -27,6 +28,7 @@ from tripwatt.fleet.choice import (
     assign,
     chargers,
     choices,
+    choose,
     fleet_candidates,
     least_chargers,
     library_candidates,
@@ -155,23 +157,94 @@ def test_the_number_of_chargers_is_the_smallest_with_which_all_are_charged():
         ]
         stated = least_chargers(needs_of(rows), Depot(AT, 8000.0))
         assert (stated["chargers"], stated["fails"]) == (math.ceil(times.sum() / quarters), "")
+        assert stated["peak_w"] <= np.sort(np.minimum(power, 8.0))[-stated["chargers"] :].sum() * 1e3 + 1e-3
     short = needs_of([(0, 4, 4, 8.0 * 5, 0, 900, 11.0), (1, 4, 4, 8.0, 0, 900, 11.0)])
     stated = least_chargers(short, Depot(AT, 8000.0))
     assert (stated["chargers"], stated["fails"]) == (2, "V0")
     assert pytest.approx(STEP.total_seconds() / 3600.0 * 900.0) == UNIT_WH
 
 
+def test_fewest_chargers_under_a_limit_are_those_of_a_program_for_each_number():
+    """The least missing energy with so many chargers, by a linear program of its own"""
+    rng = np.random.default_rng(61)
+    for _ in range(25):
+        quarters, n = int(rng.integers(3, 9)), int(rng.integers(2, 6))
+        power, leaves = rng.choice([3.0, 8.0, 11.0], n), rng.integers(1, quarters + 1, n)
+        wanted = rng.uniform(0.0, 1.2, n) * power * leaves
+        limit = float(rng.uniform(0.4, 1.0) * power.sum())
+        rows = [(k, leaves[k], leaves[k], wanted[k], 0, 900, power[k]) for k in range(n)]
+        stated = least_chargers(needs_of(rows), Depot(AT, 11e3, 1000.0 * limit))
+        of, at = np.array([(k, t) for k in range(n) for t in range(leaves[k])]).T
+        of, at = of == np.arange(n)[:, None], at == np.arange(quarters)[:, None]
+
+        def charged(number, of=of, at=at, each=power @ of, wanted=wanted, limit=limit):
+            bounds = [np.full(len(at), number), np.full(len(at), limit), wanted]
+            A, b = np.concatenate([at, at * each, of * each]), np.concatenate(bounds)
+            return -linprog(-each, A, b, bounds=(0.0, 1.0)).fun
+
+        least = next(number for number in range(n + 1) if charged(number) > charged(n) - 1e-3)
+        assert stated["chargers"] == least
+        assert stated["peak_w"] <= 1000.0 * limit
+        assert (stated["fails"] == "") == (charged(n) > wanted.sum() - 1.0 / UNIT_WH)
+
+
 def test_more_power_and_milder_nights_never_need_more_chargers(fleet, routes):
     nights = {
         name: [[replace(trip, road=60.0) for trip in day] for day in days] for name, days in routes.items()
     }
-    table = chargers(fleet[2], nights, {"long": "V00000", "short": "V00001"}, TEMPERATE)
+    driven = [("long", "V00000", None), ("short", "V00001", None)]
+    table = chargers(fleet[2], nights, driven, TEMPERATE)
     counts = table["chargers"].to_numpy().reshape(len(NIGHTS), len(POWERS_W))
     assert (np.diff(counts, axis=1) <= 0).all()
     assert (np.diff(counts, axis=0) >= 0).all()
     assert counts.min() == 1
     assert table["ambient_temperature_degc"].is_monotonic_decreasing
-    assert chargers(fleet[2], routes, {}, TEMPERATE).empty
+    assert chargers(fleet[2], routes, [], TEMPERATE).empty
+    served = table[table["fails"] == ""]
+    best = served.sort_values(["nights", "chargers", "charger_w"]).drop_duplicates("nights")
+    assert table.index[table["is_smallest"]].tolist() == best.index.tolist() != []
+    assert (table["peak_w"] <= table["chargers"] * table["charger_w"] + 1e-3).all()
+    assert served["p_enough"].between(0.85, 0.97).all(), "each of two vehicles has enough with 95 %"
+    limited = chargers(fleet[2], nights, driven, TEMPERATE, grid_w=200.0)
+    assert limited["peak_w"].max() <= 200.0
+    assert (limited["fails"] != "").all()
+    assert not limited["is_smallest"].any()
+    assert (limited["p_enough"] < table["p_enough"]).all()
+
+
+def test_new_vehicles_drive_the_routes_in_turn_beside_the_others(fleet, routes):
+    """Their energy is that of their car on these routes; the vehicles that there are keep theirs, and chargers are counted for both."""
+    nights = {
+        name: [[replace(trip, road=40.0) for trip in day] for day in days] for name, days in routes.items()
+    }
+    alone = choose(fleet[2], nights, [], TEMPERATE, days=100.0)
+    more = choose(
+        fleet[2], nights, ["vw_id3"], TEMPERATE, new={"vw_id3": 3.0, "renault_r5_52": 1}, days=100.0
+    )
+    kept = [row for row in more["choices"] if row["car"].startswith("V0")]
+    of_fleet = ("chance", "soc_needed", "energy_wh", "is_assigned")
+    assert [[r[n] for n in of_fleet] for r in kept] == [[r[n] for n in of_fleet] for r in alone["choices"]]
+    energy = {(row["route"], row["car"]): row["energy_wh"] for row in more["choices"]}
+    driven = [("long", "vw_id3"), ("short", "vw_id3"), ("long", "vw_id3"), ("short", "renault_r5_52")]
+    assert more["new"]["vehicles"] == 4
+    assert more["new"]["energy_wh"] == pytest.approx(
+        sum(energy[route, f"new {car}"] for route, car in driven)
+    )
+    assert more["new"]["cost"] == pytest.approx(0.3 * more["new"]["energy_wh"] / 900.0)
+    assert alone["new"] is None
+    now, later = (more["chargers"][k * 16 : (k + 1) * 16] for k in (0, 1))
+    assert now == alone["chargers"]
+    assert {row["vehicles"] for row in now} == {2}
+    assert {row["vehicles"] for row in later} == {6}
+    assert all(a["chargers"] <= b["chargers"] for a, b in zip(now, later, strict=True))
+    assert choose(None, nights, ["vw_id3"], TEMPERATE)["chargers"] == []
+    for new, where in (
+        ({"nobody": 1}, "nobody"),
+        ({"vw_id3": 0}, "new vw_id3"),
+        ({"vw_id3": "x"}, "new vw_id3"),
+    ):
+        with pytest.raises(InvalidInput, match=where):
+            choose(fleet[2], nights, [], TEMPERATE, new=new)
 
 
 def test_recorded_days_of_a_combustion_vehicle_are_a_route(tmp_path):
@@ -259,10 +332,18 @@ def test_the_command_chooses_vehicles_and_counts_chargers(fleet, tmp_path):
     assert len(answer["choices"]) == len(pd.read_csv(out)) == 2 * (len(fleet[2].vehicles()) + 1)
     assert {row["chargers"] for row in answer["chargers"]} <= {1, 2}
     shown = CliRunner().invoke(app, asked).stdout
-    assert "Chargers that are enough" in shown
+    assert "Chargers for 2 vehicles" in shown
+    assert "In 95 % of the nights 1 of 3700 W are enough" in shown
+    more = CliRunner().invoke(app, [*asked, "--new", "vw_id3=3", "--grid", "0.5"])
+    assert more.exit_code == 0, more.output
+    assert "3 new vehicles take " in more.stdout
+    assert "Chargers for 5 vehicles" in more.stdout
+    assert "short with a charger of its own: V0000" in more.stderr
     planned.write_text(PLANNED.replace("170", "900"))
     far = CliRunner().invoke(app, [*asked[:5], "--car", "vw_id3"])
     assert far.exit_code == 1
     assert "none" in far.stdout
     none = CliRunner().invoke(app, asked[:5])
     assert none.exception.faults[0].what == "no vehicles"
+    without = CliRunner().invoke(app, [*asked[:5], "--car", "van", "--new", "van=3", "--grid", "3"])
+    assert [fault.where for fault in without.exception.faults] == ["--new", "--grid"]

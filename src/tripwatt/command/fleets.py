@@ -14,16 +14,14 @@ import tripwatt as tw
 from tripwatt.command import shared
 from tripwatt.command.departing import DepartingNow, time_of
 from tripwatt.command.forecast import show_arrival
-from tripwatt.command.options import Answer, argument, flag, make_group, option
+from tripwatt.command.options import Answer, argument, assignments, flag, make_group, option, require_effect
 from tripwatt.command.output import write_text
 from tripwatt.command.printing import console, print_notes, print_table, progress, say
 from tripwatt.command.stores import Store
-from tripwatt.errors import InvalidInput, require_extras
+from tripwatt.errors import require_extras
 from tripwatt.files import csv_text
 
 if TYPE_CHECKING:
-    import pandas as pd
-
     from tripwatt.fleet import executors
     from tripwatt.fleet.registry import Registry
     from tripwatt.fleet.statistics import TripRows
@@ -34,8 +32,11 @@ RegistryFolder = Annotated[Path, argument("REGISTRY", "Folder of the model's ver
 CLUSTER = "Scheduler of a Dask cluster, such as tcp://10.0.0.5:8786, in place of --jobs."
 CHOICES = "A library car, a TOML file, or all cars of a body, such as van. Repeatable."
 CLIMATE = "CSV with month, mean_degc, sd_k; or a store, whose trips have temperatures. Default: ROUTES."
-CHOICE = {"route": "{route}", "vehicle": "{vehicle}", "year": "{chance:.0%}", "worst month": "{worst_chance:.0%}", "month": "{worst_month}",
+CHOICE = {"route": "{route}", "vehicle": "{car}", "year": "{chance:.0%}", "worst month": "{worst_chance:.0%}", "month": "{worst_month}",
           "charge": "{soc_needed:.0%}", "kWh/year": "{energy_wh:,.0f}", "€/year": "{cost:,.0f}", "smallest": "{smallest}"}  # fmt: skip
+NEW_CARS = "N more vehicles of this car drive the routes, too, in turn. Repeatable."
+NEW = "{vehicles} new vehicles take {kwh:,.0f} kWh and {cost:,.0f} € a year; in the worst month one charge is enough with at least {worst_chance:.0%}."
+SMALLEST = "In 95 % of the nights {chargers} of {charger_w:g} W are enough, with a peak of {peak_w:,.0f} W; the chance that all vehicles have enough is {p_enough:.0%}."
 WARRANTY = "What is guaranteed of the batteries' energy, up to which age and distance; a choice."
 WORK = "Folder of finished parts, which every worker reaches. Default: REGISTRY/work."
 
@@ -350,60 +351,67 @@ def choose(
     climate: Annotated[str | None, option("FILE|STORE", CLIMATE)] = None,
     days: Annotated[float, option("N", "Days of a year on which a route is driven.", min=1, max=366)] = 250,
     price: Annotated[float, option("EUR", "Price of a kWh from the plug; 0.30 is a choice.", min=0.0)] = 0.3,
+    new: Annotated[shared.Texts, option("CAR=N", NEW_CARS)] = None,
+    grid: Annotated[float | None, option("KW", "Largest power of all chargers.", min=0.0)] = None,
     probability: shared.Probability = 0.95,
     reserve: shared.Reserve = 0.1,
     out: Annotated[Path | None, option("FILE", "Every route and vehicle, CSV.", "--out", "-o")] = None,
 ) -> Answer:
     """Choose a vehicle for each route over a year of weather, and count the chargers.
 
-    A vehicle serves a route if one charge is enough in the worst month; `smallest` is the car with the smallest battery that does. --registry assigns vehicles to routes, one each, and counts chargers;
-    --car compares cars that you do not have. The days of a route are planned (columns as for `tripwatt fleet report --planned`), tracks, or recorded in a store,
+    A vehicle serves a route if one charge is enough in the worst month; `smallest` is the car with the smallest battery that does. --registry assigns vehicles to routes, one each, and counts the fewest chargers,
+    with --new also for more vehicles, with --grid below a power limit; --car compares cars that you do not have. The days of a route are planned (columns as for `tripwatt fleet report --planned`), tracks, or recorded in a store,
     also by combustion vehicles. The exit code is 1 if no vehicle serves a route.
 
     For example:
 
       # which vehicle for which route, and how many chargers
       tripwatt fleet choose routes.csv --registry models --climate fleet
+      # what 30 more vans need, if all chargers together have 60 kW
+      tripwatt fleet choose routes.csv --registry models --climate fleet --new vw_id_buzz=30 --grid 60
       # replace combustion vans, whose tracks or logs there are, by electric ones
       tripwatt fleet choose tracks-of-van-7 --car van --car vans/evito.toml --climate climate.csv
     """
     import pandas as pd
 
     from tripwatt.fleet import choice
-    from tripwatt.fleet.nights import records
 
+    if registry is None:
+        require_effect({"--new": new or None, "--grid": grid}, "only together with --registry")
     fleet = None if registry is None else _registry(registry).load()
-    candidates = [*choice.library_candidates(car or [])]
-    candidates += [] if fleet is None else choice.fleet_candidates(fleet)
-    if not candidates:
-        raise InvalidInput.of("no vehicles", "--registry, --car", "neither", "one of them", "--car van")
     of_year, driven = choice.Climate.read(climate or routes), choice.read_routes(routes)
-    asked = {"probability": probability, "reserve": reserve}
-    table = choice.choices(driven, candidates, of_year, **asked, days=days, price=price)
-    vehicles = {row["route"]: row["vehicle"] for row in records(table[table["is_assigned"]])}
-    power = pd.DataFrame() if fleet is None else choice.chargers(fleet, driven, vehicles, of_year, **asked)
+    asked: dict[str, Any] = {"probability": probability, "reserve": reserve, "days": days, "price": price}
+    asked |= {"grid_w": grid and 1e3 * grid, "new": assignments(new or [], "--new")}
+    document = choice.choose(fleet, driven, car or [], of_year, **asked)
     if out is not None:
-        write_text(csv_text(table), out)
-    document = {"choices": records(table), "chargers": records(power)}
-    return Answer(document, partial(_show_choices, table, power), code=bool(table["smallest"].isna().any()))
+        write_text(csv_text(pd.DataFrame(document["choices"])), out)
+    unserved = any(row["smallest"] is None for row in document["choices"])
+    return Answer(document, partial(_show_choices, document), code=unserved)
 
 
-def _show_choices(table: pd.DataFrame, power: pd.DataFrame) -> None:
+def _show_choices(document: Mapping[str, Any]) -> None:
+    import pandas as pd
+
     from tripwatt.fleet.nights import records
 
-    kwh = table.assign(energy_wh=table["energy_wh"] / 1000.0)
+    table, power, new = pd.DataFrame(document["choices"]), pd.DataFrame(document["chargers"]), document["new"]
+    kwh = table.assign(energy_wh=table["energy_wh"] / 1000.0).fillna({"smallest": "none"})
     first = kwh.sort_values(["is_assigned", "worst_chance"], ascending=False, kind="stable")
-    best = first.fillna({"smallest": "none"}).drop_duplicates("route").sort_values("route")
+    best = first.drop_duplicates("route").sort_values("route")
     no_fleet = not table["is_assigned"].any()
-    best["vehicle"] = best["vehicle"].where(best["is_assigned"] | no_fleet, "none left")
-    rows = records(best)
-    cells = [[form.format(**row) for form in CHOICE.values()] for row in rows]
+    best["car"] = best["car"].where(best["is_assigned"] | no_fleet, "none left")
+    cells = [[form.format(**row) for form in CHOICE.values()] for row in records(best)]
     print_table("Enough with one charge", [*CHOICE], cells, numbers=[*CHOICE][2:-1])
-    if len(power):
-        heads = ["charger [W]", *(f"{share:.0%} of nights" for share in power["nights"].unique())]
-        counts = power.groupby("charger_w")["chargers"].agg(list).items()
-        print_table("Chargers that are enough", heads, [[f"{w:g}", *map(str, row)] for w, row in counts])
-        print_notes(f"short with a charger of its own: {name}" for name in power["fails"].unique() if name)
+    if new is not None:
+        say(NEW.format(**new, kwh=new["energy_wh"] / 1000.0))
+    for vehicles, rows in power.groupby("vehicles") if len(power) else ():
+        heads = ["charger [W]", *(f"{share:.0%} of nights" for share in rows["nights"].unique())]
+        shown = rows["chargers"].where(rows["fails"] == "", "–").astype(str)
+        counts = shown.groupby(rows["charger_w"]).agg(list).items()
+        print_table(f"Chargers for {vehicles} vehicles", heads, [[f"{w:g}", *row] for w, row in counts])
+        smallest = rows[rows["is_smallest"] & (rows["nights"] == 0.95)]
+        say(*(SMALLEST.format(**row) for row in records(smallest)))
+        print_notes(f"short with a charger of its own: {name}" for name in rows["fails"].unique() if name)
 
 
 def _rows(store: Store, work: Path, on: Workers) -> TripRows:

@@ -108,6 +108,8 @@ class Schedule:
         Columns `vehicle_id`, `begins_at` (of a quarter of an hour) and `power_w` (from the grid) [W]; quarters without power are left out.
     peak_w : float
         Largest power of all vehicles together [W].
+    chargers : float
+        Most chargers in use at the same time; one that a vehicle uses with half of its power counts half.
     cost : float
         Cost by the tariff.
     charged_wh : ndarray, shape (needs,)
@@ -119,6 +121,7 @@ class Schedule:
     begins_at: dt.datetime
     table: pd.DataFrame
     peak_w: float
+    chargers: float
     cost: float
     charged_wh: FloatArray
     missing_wh: FloatArray
@@ -142,7 +145,7 @@ class Schedule:
         return table.groupby(span).agg(how)
 
 
-def schedule(needs: pd.DataFrame, depot: Depot) -> Schedule:
+def schedule(needs: pd.DataFrame, depot: Depot, *, shared: bool = False) -> Schedule:
     """Schedule the charging of vehicles: first the least missing energy, then the least cost, then the lowest peak.
 
     Two linear programs, solved by HiGHS. A vehicle charges between its trips and never beyond a full battery, whose room grows with the
@@ -154,6 +157,8 @@ def schedule(needs: pd.DataFrame, depot: Depot) -> Schedule:
     needs : DataFrame
         Result of `needs_by_hour`. Vehicles whose charge is not known are left out.
     depot : Depot
+    shared : bool
+        Whether vehicles share chargers, one after the other within a quarter of an hour: then the fewest chargers, in place of the lowest peak.
 
     Raises
     ------
@@ -176,20 +181,22 @@ def schedule(needs: pd.DataFrame, depot: Depot) -> Schedule:
     charge_wh, soc = rows["charge_wh"].fillna(0.0).to_numpy(), rows["soc"].to_numpy()
     spent_wh = so_far @ rows["energy_wh"].to_numpy() - rows["energy_wh"]
     room_wh = np.nan_to_num(np.maximum((1.0 - soc) * rows["wh_per_soc"] + spent_wh, 0.0))
-    energies = so_far @ charge_wh, room_wh
-    power_w = _cheapest(charging, at, price, *energies, rows["power_w"].to_numpy()[row], depot.grid_w)
+    energies, most_w = (so_far @ charge_wh, room_wh), rows["power_w"].to_numpy()[row]
+    in_use = at.multiply(1000.0 / np.maximum(most_w, _LEAST_W)).tocsr()
+    power_w = _cheapest(charging, at, in_use if shared else at, price, *energies, most_w, depot.grid_w)
     charged_wh, all_w = charging @ power_w, at @ power_w
     missing_wh = energies[0] - charged_wh
     ids = rows["vehicle_id"].to_numpy()[row]
     table = pd.DataFrame({"vehicle_id": ids, "begins_at": times[quarter], "power_w": power_w})[power_w > 0.0]
-    peak_w, cost = float(all_w.max(initial=0.0)), float(all_w @ price) * _STEP_H / 1000.0
+    peak_w, chargers = (float(load.max(initial=0.0)) for load in (all_w, in_use @ power_w / 1000.0))
+    cost = float(all_w @ price) * _STEP_H / 1000.0
     missing_wh = np.where(missing_wh > _MISSING_WH, missing_wh, 0.0)
-    return Schedule(begin.to_pydatetime(), table, peak_w, cost, charged_wh, missing_wh)
+    return Schedule(begin.to_pydatetime(), table, peak_w, chargers, cost, charged_wh, missing_wh)
 
 
 def _cheapest(
-    charging: sparse.csr_matrix, at: sparse.csr_matrix, price: FloatArray, need_wh: FloatArray, room_wh: FloatArray, most_w: FloatArray,
-    grid_w: float | None,
+    charging: sparse.csr_matrix, at: sparse.csr_matrix, load: sparse.csr_matrix, price: FloatArray, need_wh: FloatArray, room_wh: FloatArray,
+    most_w: FloatArray, grid_w: float | None,
 ) -> FloatArray:  # fmt: skip
     """Solve the programs of `schedule`: the power of each vehicle and quarter that may be charged [W], shape (variables,).
 
@@ -202,6 +209,8 @@ def _cheapest(
         Energy that the battery gets before each departure by a power [h].
     at : sparse matrix, shape (quarters, variables)
         1 where a variable is a power in a quarter.
+    load : sparse matrix, shape (quarters, variables)
+        What a power adds to the load in a quarter whose peak is lowered last.
     price : ndarray, shape (quarters,)
         Price [per kWh].
     need_wh, room_wh : ndarray, shape (needs,)
@@ -218,10 +227,10 @@ def _cheapest(
     worst = ((1 + quarters) * np.ptp(price) + np.abs(price).max() + 1.0) / EFFICIENCY
     cost = np.concatenate((at.T @ price * _STEP_H, np.full(k, worst), [0.0]))
     limit_kw = (most_w.sum() if grid_w is None else min(grid_w, most_w.sum())) / 1000.0
-    upper = np.concatenate((most_w / 1000.0, np.full(k, np.inf), [limit_kw]))
-    peak = -np.ones((quarters, 1))
-    blocks = [[-charging, -sparse.eye(k), None], [charging, None, None], [at, None, peak]]
-    A, b = sparse.bmat(blocks, "csr"), np.concatenate((-need_wh, room_wh, np.zeros(quarters))) / 1000.0
+    upper = np.concatenate((most_w / 1000.0, np.full(k + 1, np.inf)))
+    peak, limits = -np.ones((quarters, 1)), np.full(quarters, limit_kw * 1000.0)
+    blocks = [[-charging, -sparse.eye(k), None], [charging, None, None], [load, None, peak], [at, None, None]]
+    A, b = sparse.bmat(blocks, "csr"), np.concatenate((-need_wh, room_wh, 0.0 * limits, limits)) / 1000.0
     best = linprog(cost, A, b, bounds=np.column_stack((0.0 * cost, upper)), method="highs-ds")
     tight = best.ineqlin.marginals < -_ON_FACE
     low = np.where(best.upper.marginals < -_ON_FACE, upper, 0.0)

@@ -7,6 +7,7 @@ of its trips is forecast at some temperatures, between which energy and charge a
 from __future__ import annotations
 
 import datetime as dt
+import itertools
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -26,7 +27,7 @@ from tripwatt.fleet.charging import EFFICIENCY, Depot, schedule
 from tripwatt.fleet.features import FEATURES, trip_features
 from tripwatt.fleet.mapping import load_car
 from tripwatt.fleet.model import FleetModel
-from tripwatt.fleet.nights import POWERS, SD_LEVEL, PlannedTrip, needs_by_hour, read_planned
+from tripwatt.fleet.nights import SD_LEVEL, PlannedTrip, needs_by_hour, read_planned, records, sum_up_depot
 from tripwatt.fleet.store import TripStore, open_store
 from tripwatt.forecasting import ForecastModel
 from tripwatt.hybrid.segments import day_of
@@ -36,6 +37,7 @@ from tripwatt.roads.journey.kinds import UNKNOWN, usual_air
 from tripwatt.routes import parse_route
 from tripwatt.sources.columnar import open_table
 from tripwatt.trips import Departure, Plan, raise_faults
+from tripwatt.trips.columns import require_number
 from tripwatt.vehicles.catalogue import BODIES, catalogue, table_names
 
 POWERS_W: Final = (3700.0, 7400.0, 11000.0, 22000.0)
@@ -51,8 +53,14 @@ _MAX_DAYS: Final = 12
 _BEFORE: Final = dt.timedelta(hours=12)
 """Time before the first departure at which charging begins: a choice, a night."""
 
+MOST_NEW: Final = 500
+"""Largest number of new vehicles of a car: a choice, far above what a depot takes."""
+
 Routes = Mapping[str, Sequence[Sequence[PlannedTrip]]]
 """Name of a route -> its days -> trips of a day on one charge."""
+
+Driven = tuple[str, str, str | None]
+"""A route, the vehicle that drives it, and the car model of a vehicle without trips."""
 
 
 class Climate(NamedTuple):
@@ -142,13 +150,14 @@ class Candidate:
         return np.stack([energy_wh * ratio, soc * ratio, sd * wider])
 
 
-def fleet_candidates(fleet: FleetModel) -> Iterator[Candidate]:
-    """Yield the vehicles of a fleet."""
+def fleet_candidates(fleet: FleetModel, new: Sequence[str] = ()) -> Iterator[Candidate]:
+    """Yield the vehicles of a fleet, and new ones of cars of the library as "new CAR"."""
     vehicles = sorted(fleet.vehicles().items())
     models = {name: fleet.of_vehicle(None, car_model=name) for name in dict(vehicles).values()}
     for vehicle, name in vehicles:
         own, usual = (fleet.posterior.weights(name, each) for each in (vehicle, None))
         yield Candidate(vehicle, models[name], True, own[0] - usual[0], own[1] - usual[1])
+    yield from (Candidate(f"new {car}", fleet.of_vehicle(None, car_model=car)) for car in new)
 
 
 def library_candidates(names: Sequence[str]) -> Iterator[Candidate]:
@@ -179,6 +188,11 @@ def read_routes(place: Path | str) -> Routes:
         trips = read_planned(path) if path.is_file() else list(_stored(open_store(place)))
     if not trips:
         raise InvalidInput.of("no trips", f"{place}", "none", "planned trips, tracks or a store with trips")
+    return routes_of(trips)
+
+
+def routes_of(trips: Sequence[PlannedTrip]) -> Routes:
+    """Group planned trips into routes and their days, as `read_routes` does."""
     days = by_key(trips, lambda trip: (trip.name, trip.departs_at.date(), trip.vehicle_id))
     routes = by_key(sorted(days), lambda day: day[0])
     return {name: _spread([days[day] for day in of_route], _length_m) for name, of_route in routes.items()}
@@ -240,7 +254,7 @@ def choices(
     Returns
     -------
     DataFrame
-        A row for each route and candidate: `route`, `vehicle`, `car_model`; `battery_wh`, energy of a full battery as displayed [Wh];
+        A row for each route and candidate: `route`, `car` (name of the candidate), `car_model`; `battery_wh`, energy of a full battery as displayed [Wh];
         `chance` that one charge is enough, with the reserve, over the days of a year, `worst_chance` in `worst_month` (1 to 12);
         `soc_needed` to leave with in that month, enough with `probability`; a value above 1 means that the route needs a battery larger by
         that factor. `energy_wh` of a year from the battery [Wh] and its `cost`. `is_assigned`: whether the vehicle drives the route by
@@ -258,13 +272,13 @@ def choices(
             of_model = taken[id(c.model)]
             year_wh, soc, sd = make_interp_spline(degc, c.amounts(of_model), k=1, axis=-1)(air_degc)
             energy_wh = days * float(year_wh.mean())
-            row: dict[str, Any] = {"route": route, "vehicle": c.name, "car_model": c.model.vehicle.name}
+            row: dict[str, Any] = {"route": route, "car": c.name, "car_model": c.model.vehicle.name}
             row |= {"battery_wh": float(of_model[0, 0, 4]), **_chances(soc, sd, reserve, probability)}
             rows.append(row | {"energy_wh": energy_wh, "cost": price * energy_wh / (1000.0 * EFFICIENCY)})
     table = pd.DataFrame(rows)
     served = table[table["worst_chance"] >= probability].sort_values("battery_wh", kind="stable")
     table["smallest"] = table["route"].map(served.drop_duplicates("route").set_index("route")["car_model"])
-    owned = table[table["vehicle"].isin([c.name for c in candidates if c.is_owned])]
+    owned = table[table["car"].isin([c.name for c in candidates if c.is_owned])]
     chance, cost = (owned[name].to_numpy().reshape(len(routes), -1) for name in ("worst_chance", "cost"))
     route_number, vehicle_number = assign(chance, cost)
     chosen = owned.index[route_number * chance.shape[1] + vehicle_number]
@@ -337,9 +351,10 @@ def assign(chance: FloatArray, cost: FloatArray) -> tuple[IntArray, IntArray]:
 
 
 def chargers(
-    fleet: FleetModel, routes: Routes, vehicles: Mapping[str, str], climate: Climate, *, probability: float = 0.95, reserve: float = 0.1,
+    fleet: FleetModel, routes: Routes, driven: Sequence[Driven], climate: Climate, *, probability: float = 0.95, reserve: float = 0.1,
+    grid_w: float | None = None,
 ) -> pd.DataFrame:  # fmt: skip
-    """Count the chargers that the vehicles of routes need, by power and share of the nights of a year.
+    """Count the chargers that the vehicles of routes need under a grid limit, by power and share of the nights of a year.
 
     In a night, each vehicle charges what the longest day of its route takes, so that it leaves with enough with `probability`: it comes back
     with the reserve. A charger charges one vehicle after the other, as `schedule` plans it, from `_BEFORE` the first departure on.
@@ -348,44 +363,103 @@ def chargers(
     ----------
     fleet : FleetModel
     routes : Routes
-    vehicles : mapping of str to str
-        Route -> the vehicle that drives it; other routes are left out.
+    driven : sequence of Driven
     climate : Climate
     probability, reserve : float
+    grid_w : float, optional
+        Largest power of all chargers together, as the mean of a quarter of an hour [W].
 
     Returns
     -------
     DataFrame
-        A row for each of `NIGHTS` and `POWERS_W`: `nights`, the share of the nights that are not colder than `ambient_temperature_degc`;
-        `charger_w`; `chargers`, the least number with which no departure lacks more than with a charger for each vehicle; and `fails`, the
-        vehicles that lack energy even then.
+        A row for each of `NIGHTS` and `POWERS_W`: the number of `vehicles`; `nights`, the share of the nights that are not colder than
+        `ambient_temperature_degc`; the values of `least_chargers`; and `is_smallest`: whether it is the least number of chargers with which
+        no vehicle fails in these nights, of the least power.
     """
-    days = [(vehicles[name], max(of, key=_length_m)) for name, of in routes.items() if name in vehicles]
-    first = min((trip.departs_at.date() for _, day in days for trip in day), default=dt.date.min)
+    days = [(vehicle, model, max(routes[name], key=_length_m)) for name, vehicle, model in driven]
+    first = min((trip.departs_at.date() for *_, day in days for trip in day), default=dt.date.min)
     table: list[dict[str, Any]] = []
     for share in NIGHTS if days else ():
         degc = float(np.quantile(climate.air_degc, 1.0 - share))
         night = [
-            replace(trip.in_air(degc, soc=reserve), vehicle_id=vehicle, car_model=None,
+            replace(trip.in_air(degc, soc=reserve), vehicle_id=vehicle, car_model=model,
                     departs_at=dt.datetime.combine(first, trip.departs_at.timetz()))
-            for vehicle, day in days for trip in day
+            for vehicle, model, day in days for trip in day
         ]  # fmt: skip
         needs = needs_by_hour(fleet, night, probability=probability, reserve=reserve)
-        known = {"nights": share, "ambient_temperature_degc": degc}
-        depots = (Depot(needs["departs_at"].min() - _BEFORE, charger_w) for charger_w in POWERS_W)
-        table += [known | least_chargers(needs, depot) for depot in depots]
+        known = {"vehicles": len(days), "nights": share, "ambient_temperature_degc": degc}
+        depots = (Depot(needs["departs_at"].min() - _BEFORE, charger_w, grid_w) for charger_w in POWERS_W)
+        rows = [least_chargers(needs, depot) for depot in depots]
+        enough = (row for row in rows if not row["fails"])
+        smallest = min(enough, key=lambda row: row["chargers"], default=None)
+        table += [known | row | {"is_smallest": row is smallest} for row in rows]
     return pd.DataFrame(table)
 
 
 def least_chargers(needs: pd.DataFrame, depot: Depot) -> dict[str, Any]:
-    """Return `charger_w`, `chargers` and `fails`, as `chargers` has them, for the needs of a night.
+    """Count the chargers for the needs of a night.
 
-    The energies of a vehicle are scaled so that it takes the full power of a charger: the lowest peak of the schedule is then the number of
-    chargers in use.
+    Returns
+    -------
+    dict
+        `charger_w`; `chargers`, the least number with which no departure lacks more than with a charger for each vehicle; `peak_w` of all
+        together [W]; `p_enough`, the chance that all vehicles come back with the reserve; and `fails`, the vehicles that lack energy even
+        with a charger each.
     """
-    scale = depot.charger_w / depot.windows(needs)["power_w"]
-    scaled = needs[["charge_wh", "energy_wh", "wh_per_soc"]].mul(scale, axis=0)
-    plan = schedule(needs.assign(**scaled, **dict.fromkeys(POWERS, depot.charger_w)), depot)
-    count = math.ceil(plan.peak_w / depot.charger_w - 1e-6)
+    plan = schedule(needs, depot, shared=True)
     fails = ", ".join(needs["vehicle_id"][plan.missing_wh > 0.0].unique())
-    return {"charger_w": depot.charger_w, "chargers": count, "fails": fails}
+    chance = sum_up_depot(needs, 0.5, plan.charged_wh)["p_enough"]
+    known = {"charger_w": depot.charger_w, "chargers": math.ceil(plan.chargers - 1e-4)}
+    return known | {"peak_w": plan.peak_w, "p_enough": chance, "fails": fails}
+
+
+def choose(
+    fleet: FleetModel | None, routes: Routes, cars: Sequence[str], climate: Climate, *, new: Mapping[str, Any] | None = None,
+    grid_w: float | None = None, days: float = 250.0, price: float = 0.3, **asked: float,
+) -> dict[str, Any]:  # fmt: skip
+    """Choose vehicles for routes and count their chargers, as data.
+
+    Parameters
+    ----------
+    fleet : FleetModel or None
+        Without a fleet, no chargers are counted and there are no new vehicles.
+    routes : Routes
+    cars : sequence of str
+        As for `library_candidates`.
+    climate : Climate
+    new : mapping of str to number, optional
+        Car of the library -> number, 1 to `MOST_NEW`, of more vehicles of the fleet, which drive the routes in turn, beside the others.
+    grid_w, days, price : float
+        As for `chargers` and `choices`.
+    **asked : float
+        `probability` and `reserve`.
+
+    Returns
+    -------
+    dict
+        `choices`; `chargers`, first those of the vehicles that there are, then
+        those together with the new ones; and `new`: number of `vehicles`, their `energy_wh` of a year from the battery [Wh] and its `cost`,
+        and their `worst_chance`; None without new vehicles.
+
+    Raises
+    ------
+    InvalidInput
+        If there is no vehicle, a car is not known, or a number is out of range.
+    """
+    by_car = [(car, int(require_number(f"new {car}", n, 1, MOST_NEW))) for car, n in (new or {}).items()]
+    of_fleet = [] if fleet is None else fleet_candidates(fleet, [car for car, _ in by_car])
+    candidates = [*library_candidates(cars), *of_fleet]
+    if not candidates:
+        raise InvalidInput.of("no vehicles", "--registry, --car", "neither", "one of them", "--car van")
+    table = choices(routes, candidates, climate, days=days, price=price, **asked)
+    if fleet is None:
+        return {"choices": records(table), "chargers": [], "new": None}
+    driven: list[Driven] = [(row["route"], row["car"], None) for row in records(table[table["is_assigned"]])]
+    turns = itertools.cycle(routes)
+    added = [(next(turns), f"new {car} {k + 1}", car) for car, number in by_car for k in range(number)]
+    pairs = pd.DataFrame([(route, f"new {car}") for route, _, car in added], columns=["route", "car"])
+    figures = pairs.merge(table).agg({"energy_wh": "sum", "cost": "sum", "worst_chance": "min"}).to_dict()
+    crews = [driven, [*driven, *added]][: 1 + bool(added)]
+    power = pd.concat([chargers(fleet, routes, crew, climate, grid_w=grid_w, **asked) for crew in crews])
+    of_new = {"vehicles": len(added), **figures} if added else None
+    return {"choices": records(table), "chargers": records(power), "new": of_new}
