@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import datetime as dt
+import math
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, Final
 
@@ -100,6 +101,10 @@ def _plan_in_words(plan: ChargingPlan, title: str, leaves: dt.datetime | None = 
         f"({_percent(low)} to {_percent(high)} %); the probability to have {_percent(plan.reserve)} % at every stop and at the "
         f"end is {chance(plan.p_reserve)}."
     ]
+    if plan.soc_needed is not None and plan.soc_needed <= 1.0:
+        sentences.append(
+            f"Leave with at least {math.ceil(100.0 * plan.soc_needed)} % for a chance of 0.95 with these stops."
+        )
     return sentences + [stop.in_words(leaves) for stop in plan.stops]
 
 

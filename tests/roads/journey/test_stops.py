@@ -1,6 +1,7 @@
 """Charging stops of a journey."""
 
 import datetime as dt
+import math
 import re
 from dataclasses import replace
 from types import SimpleNamespace
@@ -229,6 +230,16 @@ def test_a_start_that_reaches_no_station_surely_has_the_plan_that_does_best(mode
     assert found.verdict.advice != "stop"
     assert found.flags[0].code == "no_stop_found"
     assert journey(model, replace(COLD, soc=0.2)).charging is None
+    # more charge at the start makes it a plan that arrives
+    assert 0.55 < plan.soc_needed < 0.75
+    assert found.verdict.advice == "charge_before"
+    told = f"Leave with at least {math.ceil(100.0 * plan.soc_needed)} %"
+    assert [one.startswith(told) for one in journey_in_words(found)].count(True) == 1
+    charged = journey(
+        model, replace(COLD, soc=plan.soc_needed + 0.01), atlas=replace(MADE, stations=(near, far))
+    )
+    assert (charged.verdict.arrives, charged.charging.soc_needed) == (True, None)
+    assert len(charged.charging.stops) == len(plan.stops)
 
 
 def test_stations_without_a_plug_of_the_car_are_left_out(model):

@@ -359,6 +359,7 @@ def charging(answer: dict[str, Any], label: str, leave: float, minutes: float) -
         "p_reserve": 0.97,
         "soc_arrival": leave - 0.03,
         "soc_interval": [leave - 0.05, leave - 0.01],
+        "soc_needed": None,
         "driving_s": driving,
         "charging_s": stopped,
         "duration_s": driving + stopped,

@@ -122,6 +122,7 @@ export const en = {
       `Leave with ${soc}: about ${expected} on arrival, at least ${reserve} in 19 of 20 trips.`,
     justEnough: (soc: string, spares: boolean) =>
       `${soc} is enough${spares ? ", with little to spare" : ". Do not leave with less"}.`,
+    leaveWithStops: (soc: string) => `Leave with at least ${soc}: then you arrive with these stops.`,
     leaveWithout: (soc: string) => `Or leave with ${soc} and drive without a stop.`,
     notEnough: "Even a full battery is not enough: charge on the way.",
     anyCharge: (reserve: string) => `Any charge is enough to arrive with ${reserve} in 19 of 20 trips.`,

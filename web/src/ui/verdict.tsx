@@ -283,11 +283,10 @@ function StopText({ of, fromM }: { of: Stop; fromM: number }) {
 
 /** The first charging stop, with the others behind it, and the plan that has fewer of them. */
 function Stops({ of }: { of: ChargingPlan }) {
-  const { stops, duration_s } = of;
-  const [first, ...others] = stops;
+  const [first, ...others] = of.stops;
   const { journey: words } = text.value;
   const plans = chargingPlans.value;
-  const fewer = plans.find((plan) => plan.stops.length < stops.length);
+  const fewer = plans.find((plan) => plan.stops.length < of.stops.length);
   if (!first) return null;
   const charger = chargerParts(first.station).join(", ");
   const isRescue = reasonOfJourney() === BELOW;
@@ -318,7 +317,7 @@ function Stops({ of }: { of: ChargingPlan }) {
           onClick={put(chosenCharging, plans.indexOf(fewer))}
           label={words.fewer(
             words.stops(fewer.stops.length),
-            words.longer(format.value.duration(fewer.duration_s - duration_s)),
+            words.longer(format.value.duration(fewer.duration_s - of.duration_s)),
           )}
         />
       )}
@@ -376,10 +375,10 @@ function ToDo({ of }: { of: Forecast }) {
       <NoStop of={trip.value} from={trip.value.stops[0]} isShort={(needed ?? 0) > 1} />
     ),
     best?.whole && words.best(togetherText(best), chanceInFigures(best.whole.p_reserve)),
+    plan && (plan.soc_needed ?? 2) <= 1 && !isLow && words.leaveWithStops(upwards(plan.soc_needed ?? 0)),
     needed !== undefined &&
       isJourney &&
-      speed !== null &&
-      speed > 0 &&
+      !!speed &&
       (plan ? words.atMostWithout : words.atMost)(format.value.shown(speed, units.value.speed, 0)),
     back && words.turn(back.name, shown(back.soc, PERCENT), clockAfter(back.atS)[0]),
     !!back?.pauseS && words.startBack(...clockAfter(back.atS + back.pauseS)),

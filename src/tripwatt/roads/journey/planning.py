@@ -121,8 +121,8 @@ class RoadForecast:
         >>> [len(road.whole(0.1).stops) for road in journey.roads]  # doctest: +SKIP
         [1]
         """
-        without_stops = ChargingPlan(", ".join(self.labels), (), (Leg(self.road, self.forecast),), reserve)
-        return self.charging or without_stops
+        legs = (Leg(self.road, self.forecast),)
+        return self.charging or ChargingPlan(", ".join(self.labels), (), legs, reserve)
 
     def to_dict(self, reserve: float = 0.0) -> dict[str, Any]:
         """Convert the forecast to plain values: the line on the map, the kinds of road, the forecast.
@@ -230,7 +230,10 @@ class Journey:
     def verdict(self) -> Verdict:
         """Verdict on the whole journey, with its stops to charge if they are needed and help."""
         slower: Advice = "none" if self.speed is None or self.speed.speed_m_s is None else "slower"
-        advice_else: Advice = "charge_before" if self.soc_needed <= 1.0 else slower
+        with_stops_soc = self.charging and self.charging.soc_needed
+        advice_else: Advice = (
+            "charge_before" if min(self.soc_needed, with_stops_soc or 2.0) <= 1.0 else slower
+        )
         return Verdict.from_plan(self.roads[0].whole(self.reserve), advice_else)
 
     @property
@@ -298,7 +301,7 @@ class Journey:
         >>> journey = tw.plan_journey(["Vaduz", "Malbun"], tw.Departure(soc=0.6), atlas="map")  # doctest: +SKIP
         >>> journey.to_frame()  # doctest: +SKIP
         """
-        rows = [
+        return pd.DataFrame(
             {
                 "labels": plan.label,
                 "distance_m": plan.distance_m,
@@ -312,8 +315,7 @@ class Journey:
                 "p_arrive": plan.p_reserve,
             }
             for plan in self.ways
-        ]
-        return pd.DataFrame(rows)
+        )
 
     @property
     def charging_plans(self) -> tuple[ChargingPlan, ...]:
@@ -412,8 +414,7 @@ def plan_journey(
     (True, 0.34)
     """
     options = options or JourneyOptions()
-    if not isinstance(atlas, Atlas):
-        atlas = open_atlas(atlas)
+    atlas = atlas if isinstance(atlas, Atlas) else open_atlas(atlas)
     forecaster = RoadForecaster(for_car(model, car), departure or Departure(), atlas.weather)
     return journey_with(forecaster, find_stops(stops, atlas, round_trip=options.round_trip), atlas, options)
 

@@ -14,6 +14,7 @@ from typing import Final
 
 import numpy as np
 
+from tripwatt.forecasting.leaving import soc_needed
 from tripwatt.roads.journey.corridor import CERTAIN, Corridor
 from tripwatt.roads.journey.solver import StopPlan, StopProblem, least_time
 from tripwatt.roads.journey.stops import SAME_TIME_S, ChargingPlan, ChargingStop, NextStation
@@ -129,7 +130,9 @@ def _best_effort_plans(corridor: Corridor) -> tuple[ChargingPlan, ...]:
     plan = ChargingPlan(BEST_EFFORT, (), corridor.legs_of(optimum), reserve)
     if plan.p_reserve <= corridor.forecast.p_arrive(reserve) or plan.p_arrive < 0.5:
         return ()
-    return (_with_stops(corridor, plan, optimum, chances),)
+    first, chance = plan.legs[0], 1.0 - (1.0 - CERTAIN) / len(plan.legs)
+    needed = soc_needed(first.forecast, min(reserve + first.preheat_soc, 1.0), chance)
+    return (replace(_with_stops(corridor, plan, optimum, chances), soc_needed=needed),)
 
 
 def _with_stops(

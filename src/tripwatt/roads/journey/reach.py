@@ -122,9 +122,8 @@ def find_reach(forecaster: RoadForecaster, start: Place, atlas: Atlas, *, reserv
     roads = [several[0] for several in found if several]
     if not roads:
         raise no_road([start, *targets[:1]], "no road away from the start")
-    return reach_along(
-        roads, [forecaster.forecast(road, "reach") for road in roads], start, reserve, atlas.attribution
-    )
+    forecasts = [forecaster.forecast(road, "reach") for road in roads]
+    return reach_along(roads, forecasts, start, reserve, atlas.attribution)
 
 
 def reach_along(

@@ -264,6 +264,9 @@ class ChargingPlan:
         Legs between the stops, one more than stops.
     reserve : float
         Displayed charge to have at every stop and at the end. A car that leaves with less has to have the reserve after the first stop.
+    soc_needed : float or None
+        For "best effort", displayed charge to leave with, so that the plan has the chance that a journey has to have. A value above 1 means
+        that a full battery does not suffice.
 
     Examples
     --------
@@ -277,6 +280,7 @@ class ChargingPlan:
     stops: tuple[ChargingStop, ...]
     legs: tuple[Leg, ...]
     reserve: float
+    soc_needed: float | None = None
 
     @property
     def p_arrive(self) -> float:
@@ -427,6 +431,7 @@ class ChargingPlan:
             "stops": [stop.to_dict() for stop in self.stops],
             **{name: getattr(self, name) for name in JOURNEY_FIELDS},
             "soc_interval": list(self.soc_interval),
+            "soc_needed": self.soc_needed,
             "energy_interval_wh": series[list(ENERGY_BAND)].iloc[-1].tolist(),
             "by_cause_wh": self.by_cause_wh,
             "battery_loss_wh": self.battery_loss_wh,

@@ -376,6 +376,8 @@ class ChargingDocument(JourneyTotals):
     """on the road [s]"""
     charging_s: float
     """at stations, with overheads [s]"""
+    soc_needed: float | None
+    """charge to leave with, so that the plan has the chance of 0.95; null if it has, above 1 if a full battery does not suffice"""
     label: Literal["fastest", "fewest stops", "safest", "cheapest", "best effort"]
     stops: list[ChargingStop]
     energy_interval_wh: list[float]
