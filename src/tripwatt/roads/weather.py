@@ -243,7 +243,7 @@ def weather_along(
     position = (np.arange(n_points) + 0.5) / n_points * road.distance_m
     link_start_m = running_sum(road.links.length_m)
     passed_s = np.interp(position, link_start_m, running_sum(road.links.travel_time_s))
-    passed_s += sum(pause.duration_s * (position > pause.position_m) for pause in road.links.pauses)
+    passed_s += road.links.paused_s(position)
     when = [departs_at + dt.timedelta(seconds=float(seconds)) for seconds in passed_s]
     return position, source.at([road.place_at(float(at)) for at in position], when)
 

@@ -114,6 +114,13 @@ class LinkRoute:
         """Time from departure to arrival [s]: the links and the pauses."""
         return self.duration_s + sum(pause.duration_s for pause in self.pauses)
 
+    def paused_s(self, position_m: FloatArray) -> FloatArray:
+        """Time of the pauses before each position [s], in the shape of `position_m`."""
+        total = np.zeros(len(position_m))
+        for pause in self.pauses:
+            total[position_m > pause.position_m] += pause.duration_s
+        return total
+
     @property
     def speed_m_s(self) -> FloatArray:
         """Mean speed of each link, length over travel time [m/s]."""

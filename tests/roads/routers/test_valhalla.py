@@ -120,13 +120,15 @@ def outline(*geometries):
 
 
 def test_an_outline_has_the_outer_rings():
-    outer, hole, other = [[9.0, 47.0, 500.0], [9.1, 47.1]], [[9.02, 47.02]], [[8.0, 46.0]]
+    outer, hole = [[9.0, 47.0, 500.0], [9.1, 47.1]], [[9.02, 47.02], [9.03, 47.03]]
+    other = [[8.0, 46.0], [8.1, 46.0]]
     polygon = {"type": "Polygon", "coordinates": [outer, hole]}
     corners = (Place(47.0, 9.0), Place(47.1, 9.1))
     assert outline(polygon) == corners
     assert outline({"type": "MultiPolygon", "coordinates": [[outer, hole], [other]]}, polygon) == (
         *corners,
         Place(46.0, 8.0),
+        Place(46.0, 8.1),
         *corners,
     )
     assert outline() == ()

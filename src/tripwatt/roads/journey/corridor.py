@@ -314,7 +314,7 @@ class Corridor:
         """Displayed charge that each leg takes, and its time [s], with the ways to and from stations; infinite if it leads back."""
         taken = -self._at_nodes(self.forecast.along.expected_soc)
         time = self._at_nodes(self.forecast.along.time_s)
-        time += sum(p.duration_s * (self._position_m > p.position_m) for p in self.road.links.pauses)
+        time += self.road.links.paused_s(self._position_m)
         detour_s = self._detour_m / _DETOUR_M_S
         whole_soc = self.forecast.energy_wh / self.forecast.charge.wh_per_display
         detour_soc = self._detour_m / self.road.distance_m * whole_soc

@@ -387,8 +387,8 @@ class ChargingPlan:
         for leg, wait_s in zip(self.legs, waits_s, strict=True):
             table = leg.forecast.to_frame()
             table["distance_m"] *= leg.road.distance_m / float(table["distance_m"].iloc[-1])
+            table["time_s"] += time_s + leg.road.links.paused_s(table["distance_m"].to_numpy())
             table["distance_m"] += distance_m
-            table["time_s"] += time_s
             half_wh = np.abs(table[list(ENERGY_BAND)].to_numpy() - table[["energy_wh"]].to_numpy())
             common_wh = common_wh[-1] + leg.common_share * half_wh
             independent_wh2 = independent_wh2[-1] + (1.0 - leg.common_share**2) * half_wh**2
