@@ -166,5 +166,9 @@ def test_table_cells_are_those_of_the_results(view: View) -> None:
         assert cell.startswith(f"{100 * pair['diff']:.1f} (")
         assert cell.endswith("*") == pair["significant"]
     assert rows[STYLES[view.best].label][above] == "–"
+    assert [table.rows[k][0] for k in table.strong] == [STYLES[view.best].label]
+    assert results_table.panels(view)[0].caption.startswith(
+        "Bold is the model that the others are compared with."
+    )
     for other in (table, results_table.sets_table(view)):
         assert {len(cells) for cells in other.rows} == {len(other.columns)}

@@ -38,7 +38,6 @@ def difference_column(view: View) -> Column:
         pair = pairs.get(row["name"])
         if pair is None:
             return None
-        star = STAR if pair["significant"] else ""
-        return f"{number(pair['diff'], 100, 1)} ({span(pair['ci95'])}){star}"
+        return f"{number(pair['diff'], 100, 1)} ({span(pair['ci95'])}){STAR * pair['significant']}"
 
     return Column(f"Above {model_label(str(view.best))} [points]", cell)

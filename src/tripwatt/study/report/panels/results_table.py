@@ -11,6 +11,8 @@ from tripwatt.study.report.tables import Column, Table, in_kwh, in_percent, in_w
 from tripwatt.study.report.view import Record, View, describe_evaluation
 from tripwatt.study.report.words import model_label
 
+NOTE = f"Bold is the model that the others are compared with. {SIGNIFICANCE_NOTE}"
+
 
 def panels(view: View) -> list[Panel]:
     """Return the panels of the main evaluation, of all evaluations, and of the models' meanings."""
@@ -24,7 +26,7 @@ def panels(view: View) -> list[Panel]:
         in_words("What it is", lambda name: model_style(name).meaning),
     )
     return [
-        Panel("table", "Errors of the models", SIGNIFICANCE_NOTE, tables=(results_table(view),)),
+        Panel("table", "Errors of the models", NOTE, tables=(results_table(view),)),
         Panel("sets", "Other trips and other folds", tables=(sets_table(view),)),
         Panel("legend", "What the models are", tables=(legend,)),
     ]
