@@ -41,7 +41,9 @@ REPORT_TABLES: Final = (
 REPORT_FILES: Final = (
     "report.html", "report.json", *(f"{name}.csv" for name in REPORT_TABLES), "emhass.json", "evcc.txt",
 )  # fmt: skip
-"""Files of the folder `report` of a registry, which the fleet's report writes and the service serves."""
+"""Files of the folder `report` of a registry, which the fleet's report writes."""
+SERVED_FILES: Final = (*REPORT_FILES, "choices.json")
+"""Files of that folder that the service serves: also what `tripwatt fleet choose --json` printed into it."""
 
 MARGIN: Final = 0.05
 """A challenger is refused if the whole interval of its difference lies above this share of the champion's error. A smaller difference
@@ -246,7 +248,7 @@ class Registry:
     def report_file(self, name: str) -> bytes | None:
         """Return a file of the report that was written last into the registry; None if there is no such file."""
         file = self.folder / "report" / name
-        return file.read_bytes() if name in REPORT_FILES and file.is_file() else None
+        return file.read_bytes() if name in SERVED_FILES and file.is_file() else None
 
     def page(self, table: str, limit: int, cursor: int = 0) -> dict[str, Any]:
         """Return some rows of a table of the last report, or of the history, the newest first, as `health`; `car` is the vehicle.

@@ -133,6 +133,7 @@ def test_a_car_learns_an_archive_forecasts_and_is_forgotten(service: Service, fo
         TRIPS,
     )
     assert [entry["trips_learned"] for entry in car["diary"]] == [4, 3, 2, 1, 0]
+    assert {entry["started_at"] for entry in car["diary"]} == {None}, "these tables have no dates"
     assert car["score"]["trips"] == car["latest"]["trips"] == TRIPS
     assert list(car["learned"]) == list(NAMES)
     for name, factor in car["learned"].items():

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import datetime as dt
 import math
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
+from typing import Any
 
 import pytest
 
@@ -17,6 +19,7 @@ from tripwatt.server.cars.folder import is_car
 from tripwatt.server.http.car_jobs import (
     PROGRESS,
     CarJobs,
+    _diary_entry,
     _file_documents,
     preview_logs,
     read_progress,
@@ -73,13 +76,24 @@ def test_a_preview_has_the_sums_and_ends_of_its_drives() -> None:
     assert found["distance_m"] == pytest.approx(sum(trip.distance_m for trip in trips))
     assert found["duration_s"] == pytest.approx(sum(trip.duration_s for trip in trips))
     assert found["energy_wh"] == pytest.approx(sum(trip.observed_energy_wh or 0.0 for trip in trips))
-    days = sorted(log.context.started_at.isoformat() for log in made.logs if log.context.started_at)
-    assert (found["from_date"], found["to_date"]) == (days[0], days[-1])
+    days = sorted(log.context.started_at for log in made.logs if log.context.started_at)
+    ends = [dt.datetime.fromisoformat(found[name]) for name in ("from_date", "to_date")]
+    assert all(end.tzinfo is not None for end in ends)
+    assert ends == [days[0].astimezone(), days[-1].astimezone()]
     air = [float(log.samples["ambient_temperature_degc"].iloc[0]) for log in others]
     assert found["ambient_degc"] == [min(air), max(air)]
     one = TripSet("one", (bare,))
     without = preview_logs(one, audit(one))
     assert (without["drives"], without["ambient_degc"]) == (1, None)
+
+
+def test_a_departure_of_the_diary_has_its_zone_or_is_not_known() -> None:
+    car: Any = SimpleNamespace(forecasts_of=lambda trip: ())
+    rows = ({"trip_id": "a", "started_at": text} for text in ("2024-05-01T08:00:00", ""))
+    dated, undated = (_diary_entry(row, car)["started_at"] for row in rows)
+    assert dt.datetime.fromisoformat(dated) == dt.datetime(2024, 5, 1, 8).astimezone()
+    assert dt.datetime.fromisoformat(dated).tzinfo is not None
+    assert undated is None
 
 
 @pytest.mark.parametrize(

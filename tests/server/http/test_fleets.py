@@ -274,10 +274,21 @@ def test_a_service_follows_its_registry(fleet: Any, registry: Registry, tmp_path
         assert health[0]["action"] == "promote"
         refused = {
             path: service.client.get(f"/v1/fleet/{path}").status_code
-            for path in ("vehicles?cursor=-1", "vehicles?limit=9999", "vehicles?model=none", "drivers")
+            for path in (
+                "vehicles?cursor=-1",
+                "vehicles?limit=9999",
+                "vehicles?model=none",
+                "drivers",
+                "needs",
+            )
         }
         assert refused == {
-            "vehicles?cursor=-1": 422, "vehicles?limit=9999": 422, "vehicles?model=none": 422, "drivers": 422,
+            "vehicles?cursor=-1": 422, "vehicles?limit=9999": 422, "vehicles?model=none": 422, "drivers": 404, "needs": 405,
         }  # fmt: skip
+        choice = service.client.get("/v1/fleet/report/choices.json")
+        assert choice.status_code == 404
+        document = {"choices": [{"route": "r", "car": "V1"}], "chargers": [], "new": None}
+        (registry.folder / "report" / "choices.json").write_bytes(orjson.dumps(document))
+        assert service.client.get("/v1/fleet/report/choices.json").json() == document
         needs = service.client.post("/v1/fleet/needs", json=night())
         assert (needs.status_code, len(needs.json()["needs"])) == (200, 2)

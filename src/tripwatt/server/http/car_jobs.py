@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import datetime as dt
 import os
 import shutil
 import time
@@ -283,16 +284,15 @@ def preview_logs(fleet: TripSet, audited: Audit) -> dict[str, Any]:
     """Return the audit of logs, as `LogsPreview`."""
     sound = [trip for trip in audited.trips if trip.observed_energy_wh is not None]
     starts = sorted(trip.context.started_at for trip in sound if trip.context.started_at is not None)
-    air = [trip.departure.ambient_temperature_degc for trip in sound]
-    temperatures = [value for value in air if value is not None]
+    temperatures = [t for trip in sound if (t := trip.departure.ambient_temperature_degc) is not None]
     return {
         "logs": len(fleet.logs),
         "drives": len(sound),
         "distance_m": float(sum(trip.distance_m for trip in sound)),
         "duration_s": float(sum(trip.duration_s for trip in sound)),
         "energy_wh": float(sum(trip.observed_energy_wh or 0.0 for trip in sound)),
-        "from_date": starts[0].isoformat() if starts else None,
-        "to_date": starts[-1].isoformat() if starts else None,
+        "from_date": starts[0].astimezone().isoformat() if starts else None,
+        "to_date": starts[-1].astimezone().isoformat() if starts else None,
         "ambient_degc": [min(temperatures), max(temperatures)] if temperatures else None,
         "lost_distance_m": audited.lost_distance_m,
         "lost_duration_s": audited.lost_duration_s,
@@ -376,7 +376,9 @@ def _diary_entry(row: Mapping[Hashable, Any], car: Car) -> dict[str, Any]:
     causes = {name: values.pop(column) for column, name in causes_of(values).items()}
     known = {name: value for name, value in causes.items() if value is not None}
     made = [asdict(forecast) for forecast in car.forecasts_of(f"{row['trip_id']}")]
-    return {"trip": values.pop("trip_id"), **values, "by_cause_wh": known, "on_the_way": made}
+    local = values.pop("started_at")
+    about = {"started_at": dt.datetime.fromisoformat(local).astimezone().isoformat() if local else None}
+    return {"trip": values.pop("trip_id"), **about, **values, "by_cause_wh": known, "on_the_way": made}
 
 
 def _learned_document(learned: Learned) -> dict[str, Any]:

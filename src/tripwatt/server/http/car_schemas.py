@@ -9,7 +9,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from tripwatt.forecasting.document import described
 from tripwatt.server.cars.car_file import MadeForecast
-from tripwatt.server.cars.documents import LiveResponse, ProblemFault
+from tripwatt.server.cars.documents import LiveResponse, ProblemFault, TimeText
 from tripwatt.server.http.journey_schemas import NeedResponse, RangeResponse, Stop
 from tripwatt.server.http.schemas import (
     ForecastRequest,
@@ -100,9 +100,9 @@ class LogsPreview(ResponseModel):
     """of the sound drives, as the three below"""
     duration_s: float
     energy_wh: float
-    from_date: str | None
-    """departure of the first one, ISO 8601; null where no date is known"""
-    to_date: str | None
+    from_date: TimeText | None
+    """departure of the first one, in the zone of the service; null where no date is known"""
+    to_date: TimeText | None
     ambient_degc: tuple[float, float] | None
     """lowest and highest mean outside temperature of the sound drives; null where it is not known"""
     lost_distance_m: float
@@ -202,8 +202,8 @@ class DiaryEntry(ResponseModel):
     """A trip as it was forecast before the model was adapted to it, and what it took."""
 
     trip: str
-    started_at: str
-    """ISO 8601; empty where unknown"""
+    started_at: TimeText | None
+    """in the zone of the service; null where unknown"""
     trips_learned: int
     """trips that the car had learned before"""
     distance_m: float
