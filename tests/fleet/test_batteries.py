@@ -7,7 +7,8 @@ import pytest
 from scipy.special import ndtr
 from tests.fleet.rows import year_of_rows
 
-from tripwatt.fleet.batteries import Fade, Warranty, battery_table, fades, route_ends
+from tripwatt.fleet import Warranty
+from tripwatt.fleet.batteries import Fade, battery_table, fades, route_ends
 from tripwatt.fleet.changes import BATTERY
 from tripwatt.fleet.statistics import TripRows
 from tripwatt.physics.battery import usable_energy_wh

@@ -1,10 +1,15 @@
 """Vehicles and drivers that take more than others, and trips that take more than their forecasts."""
 
+from types import SimpleNamespace
+
+import numpy as np
+import pyarrow as pa
 import pytest
 from tests.fleet.rows import made_rows, table_rows
 
-from tripwatt.fleet.deviations import PARTS, deviations, drift
-from tripwatt.fleet.features import START
+from tripwatt.fleet.deviations import PARTS, deviations, drift, worst_month
+from tripwatt.fleet.features import FEATURES, SCALES, START
+from tripwatt.fleet.statistics import KEYS, ROWS, TripRows
 from tripwatt.hybrid.groups import fit_scales, group_posterior
 
 pytest.importorskip("deltalake", reason="needs the extra tripwatt[fleet]")
@@ -48,3 +53,25 @@ def test_drift_names_the_vehicles_that_take_more(rows, fleet):
     assert found["vehicles"]["V00003"]["z"] > 3.0
     assert found["coverage"] < calm["coverage"]
     assert found["bias"] - calm["bias"] == pytest.approx(0.3 * its.mean(), rel=0.2)
+
+
+@pytest.mark.parametrize(
+    ("planted", "first"),
+    [("climate", "+20 heating and cooling"), ("air", "+20 roads, speed and load"), (None, "+20 vehicles, drivers or unknown")],
+)  # fmt: skip
+def test_the_worst_month_is_explained_by_what_it_took_more(planted, first):
+    months = np.repeat(["2024-01", "2024-02", "2024-03"], [12, 12, 4])
+    more = np.where(months == "2024-01", 200.0, np.where(months == "2024-03", 900.0, 0.0))
+    names = [field.name for field in ROWS]
+    table = {name: np.zeros(28) for name in names} | dict.fromkeys(KEYS, [""] * 28)
+    simulated = 1500.0 + more * (planted is not None)
+    table |= {"started_at": [f"{month}-05T08:00:00" for month in months], "distance_m": np.full(28, 10e3)}
+    table |= {"simulated_wh": simulated, "observed_wh": 1500.0 + more}
+    if planted:
+        table[f"x_{planted}"] = more * SCALES[FEATURES.index(planted)]
+    rows = TripRows(pa.table({name: table[name] for name in names}, schema=ROWS))
+    usual = SimpleNamespace(weights=lambda model: (np.zeros(len(FEATURES)), None))
+    said = worst_month(usual, rows)["Worst month"]
+    assert said.startswith(f"2024-01 took 170 Wh/km, +20 beside the other months: {first}, ")
+    assert said.count("+0") == 2
+    assert worst_month(usual, rows.where(months != "2024-01")) == {}

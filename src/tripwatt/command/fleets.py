@@ -20,6 +20,7 @@ from tripwatt.command.printing import console, print_notes, print_table, progres
 from tripwatt.command.stores import Store
 from tripwatt.errors import require_extras
 from tripwatt.files import csv_text
+from tripwatt.fleet import Warranty
 
 if TYPE_CHECKING:
     from tripwatt.fleet import executors
@@ -273,7 +274,7 @@ def report(
     drivers: Annotated[bool, flag("--drivers", "Compare drivers, too.")] = False,
     groups: Annotated[Path | None, option("FILE", "CSV: vehicle_id and group, such as the depot.")] = None,
     new: Annotated[Path | None, option("FILE", "CSV: vehicle_id, new_at (first day; else of logs).")] = None,
-    warranty: Annotated[tuple[float, float, float], option("SHARE YEARS KM", WARRANTY)] = (0.7, 8, 160_000),
+    warranty: Annotated[tuple[float, float, float], option("SHARE YEARS KM", WARRANTY)] = Warranty(),
     price: Annotated[float, option("EUR", "Price of a kWh from the plug; 0.30 is a choice.", min=0.0)] = 0.3,
     co2: Annotated[float, option("G", "CO2 of a kWh from the plug; 250 is a choice.", min=0.0)] = 250.0,
     probability: shared.Probability = 0.95,
@@ -297,7 +298,6 @@ def report(
       # and if it freezes hard
       tripwatt fleet report fleet models --planned tomorrow.csv --plug 11000 --grid 60 --cold -15
     """
-    from tripwatt.fleet.batteries import Warranty
     from tripwatt.fleet.charging import Depot, read_tariff
     from tripwatt.fleet.nights import parse_time, read_planned
     from tripwatt.fleet.store import read_by_vehicle
@@ -335,8 +335,8 @@ def report(
 
 
 def _show_report(result: ManagerReport, folder: Path) -> None:
-    for sentence in result.sentences:
-        say(sentence)
+    worst = result.about.get("Worst month")
+    say(*result.sentences, *([f"Worst month: {worst}."] if worst else ()))
     for panel in result.panels():
         if panel.key in ("needs", "routes"):
             say(panel.caption)
@@ -398,8 +398,7 @@ def _show_choices(document: Mapping[str, Any]) -> None:
     kwh = table.assign(energy_wh=table["energy_wh"] / 1000.0).fillna({"smallest": "none"})
     first = kwh.sort_values(["is_assigned", "worst_chance"], ascending=False, kind="stable")
     best = first.drop_duplicates("route").sort_values("route")
-    no_fleet = not table["is_assigned"].any()
-    best["car"] = best["car"].where(best["is_assigned"] | no_fleet, "none left")
+    best["car"] = best["car"].where(best["is_assigned"] | (not table["is_assigned"].any()), "none left")
     cells = [[form.format(**row) for form in CHOICE.values()] for row in records(best)]
     print_table("Enough with one charge", [*CHOICE], cells, numbers=[*CHOICE][2:-1])
     if new is not None:

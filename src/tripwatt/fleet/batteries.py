@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from typing import Any, Final, NamedTuple
+from typing import Any, Final
 
 import numpy as np
 import pandas as pd
@@ -16,6 +16,7 @@ from scipy.special import ndtr
 
 from tripwatt.arrays import FloatArray
 from tripwatt.errors import or_none
+from tripwatt.fleet import Warranty
 from tripwatt.fleet.changes import BATTERY, display_trips, last_changes
 from tripwatt.fleet.mapping import load_car
 from tripwatt.fleet.statistics import TripRows
@@ -25,25 +26,6 @@ from tripwatt.uncertainty.charge import CAPACITY_SD
 AHEAD: Final = np.arange(121) / 12.0
 """Months ahead in which an end is looked for [years]: ten years, a choice, because a linear loss says nothing beyond."""
 _YEAR: Final = np.timedelta64(365, "D")
-
-
-class Warranty(NamedTuple):
-    """What a maker guarantees of a battery; the defaults are usual for cars in Europe.
-
-    Attributes
-    ----------
-    share : float
-        Share of the energy of a new battery.
-    years, km : float
-        Age and distance up to which it is guaranteed, whichever comes first.
-    """
-
-    share: float = 0.7
-    years: float = 8.0
-    km: float = 160_000.0
-
-
-USUAL: Final = Warranty()
 
 
 @dataclass(frozen=True, eq=False)

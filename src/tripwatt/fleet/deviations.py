@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 
 from tripwatt.arrays import FloatArray
-from tripwatt.fleet.features import CLIMATE, FEATURES
+from tripwatt.fleet.features import CLIMATE, FEATURES, SCALES
 from tripwatt.fleet.model import predict_rows
 from tripwatt.fleet.statistics import KEYS, TripRows
 from tripwatt.hybrid.groups import GroupPosterior
@@ -21,6 +21,8 @@ _BASE: Final = np.isin(FEATURES, "base_load")
 _CLIMATE: Final = np.isin(FEATURES, ("climate", *CLIMATE))
 PARTS: Final = {"driving": ~(_BASE | _CLIMATE), "climate": _CLIMATE, "base_load": _BASE}
 """Masks of the features that belong to each part of a deviation."""
+_MIN_TRIPS: Final = 10
+"""Smallest number of trips of a month that is compared: a choice, because a few trips may be on its coldest day."""
 
 
 def predict_with_error(posterior: GroupPosterior, rows: TripRows) -> tuple[FloatArray, FloatArray]:
@@ -63,6 +65,36 @@ def deviations(posterior: GroupPosterior, rows: TripRows, *, drivers: bool = Fal
         table.append((*group, n_trips, sum(parts), float(np.sqrt(x @ covariance @ x)) / mean_wh, *parts))
     columns = [*KEYS[:depth], "trips", "share", "sd", *PARTS]
     return pd.DataFrame(table, columns=columns).sort_values("share", ascending=False, ignore_index=True)
+
+
+def worst_month(posterior: GroupPosterior, rows: TripRows) -> dict[str, str]:
+    """Say which month took most for a kilometre, and by what it differs from the others.
+
+    The car models expect energy for heating and cooling, and for roads, speed and load. What is measured beyond that is of vehicles and
+    drivers, or not known.
+
+    Returns
+    -------
+    dict of str to str
+        The sentence by "Worst month"; empty with fewer than two months of `_MIN_TRIPS` trips.
+    """
+    weights = {model: posterior.weights(model)[0] for model in set(rows.texts("car_model"))}
+    corrections = rows.X * np.array([weights[model] for model in rows.texts("car_model")])
+    expected_wh = rows.numbers("simulated_wh") + corrections.sum(axis=1)
+    simulated = np.where(np.isin(FEATURES, CLIMATE), 0.0, rows.X / SCALES)  # the others are energies
+    climate_wh = (corrections + simulated)[:, _CLIMATE].sum(axis=1)
+    beyond_wh, month = rows.numbers("observed_wh") - expected_wh, pd.Series(rows.texts("started_at")).str[:7]
+    wh = pd.DataFrame({"heating and cooling": climate_wh, "roads, speed and load": expected_wh - climate_wh})
+    wh = wh.assign(**{"vehicles, drivers or unknown": beyond_wh, "km": rows.numbers("distance_m") / 1000.0})
+    sums = wh[month.map(month.value_counts()) >= _MIN_TRIPS].groupby(month).sum()
+    if len(sums) < 2:
+        return {}
+    km = sums.pop("km")
+    worst = f"{(sums.sum(axis=1) / km).idxmax()}"
+    more = sums.loc[worst] / km[worst] - sums.drop(worst).sum() / km.drop(worst).sum()
+    why = ", ".join(f"{wh:+.0f} {name}" for name, wh in more.sort_values(ascending=False).items())
+    total = f"{sums.loc[worst].sum() / km[worst]:.0f} Wh/km, {more.sum():+.0f} beside the other months"
+    return {"Worst month": f"{worst} took {total}: {why}"}
 
 
 def drift(posterior: GroupPosterior, rows: TripRows) -> dict[str, Any]:

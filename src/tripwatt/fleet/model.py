@@ -225,7 +225,7 @@ def fit_fleet(
     workers: Workers,
     *,
     which: Mapping[str, Any] | None = None,
-    sampling: Sampling | None = None,
+    sampling: Sampling = Sampling(),
     progress: Callable[[int, int], None] | None = None,
 ) -> FleetModel:
     """Fit a model on the trips of a store.
@@ -238,7 +238,7 @@ def fit_fleet(
     workers : Workers
     which : mapping, optional
         Arguments of `TripStore.trips` that select the trips to fit on. By default, all trips.
-    sampling : Sampling, optional
+    sampling : Sampling
     progress : callable, optional
         Called with (finished files, all files).
 
@@ -247,7 +247,6 @@ def fit_fleet(
     InvalidInput
         If there are fewer than `_MIN_TRIPS` sound trips with measured energy.
     """
-    sampling = sampling or Sampling()
     listed = usable_trips(store, **(which or {}))
     records: list[Any] = listed.to_dict("records")
     chosen = sample_digests(records, sampling.per_vehicle, sampling.vehicles, sampling.seed)

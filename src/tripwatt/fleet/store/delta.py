@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final, TypeVar
@@ -170,19 +170,10 @@ class DeltaFolder:
         metrics: dict[str, Any] = self._retry(lambda table: table.optimize.compact(**options))
         return metrics
 
-    def try_to_compact(self, target_size: int) -> bool:
-        """Merge small data files as `compact` does, unless another writer changes them meanwhile or the disk is full.
-
-        Returns
-        -------
-        bool
-            Whether the files were merged.
-        """
-        try:
+    def try_to_compact(self, target_size: int) -> None:
+        """Merge small data files, unless another writer commits first."""
+        with suppress(require_deltalake().exceptions.DeltaError, OSError):
             self.open().optimize.compact(target_size=target_size, writer_properties=_writer_properties())
-        except (require_deltalake().exceptions.DeltaError, OSError):
-            return False
-        return True
 
     def _retry(self, action: Callable[[Any], Result]) -> Result:
         """Call an action on the newest version, again while other writers are first, at most `_MAX_TRIES` times."""

@@ -202,11 +202,6 @@ def context_values(log: Recorded) -> dict[str, Any]:
     return known
 
 
-def trips_table(stored: Sequence[StoredLog], batch: str) -> pa.Table:
-    """Make the rows of `trips` of a batch of logs."""
-    return pa.Table.from_pylist([{**s.row, "batch": batch} for s in stored], schema=TRIPS)
-
-
 def samples_table(stored: Sequence[StoredLog], batch: str) -> pa.Table:
     """Make the rows of `samples` of a batch of logs; missing columns and values are null. O(samples x columns)."""
     counts = [len(s.log) for s in stored]

@@ -12,7 +12,7 @@ import uuid
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import reduce
-from itertools import groupby, islice, pairwise
+from itertools import islice, pairwise
 from operator import and_
 from pathlib import Path
 from typing import Any, Final
@@ -23,7 +23,6 @@ import pyarrow as pa
 import pyarrow.compute as pc
 
 from tripwatt.arrays import by_key
-from tripwatt.auditing import Finding, audit
 from tripwatt.errors import Fault, InvalidInput, require_one
 from tripwatt.fleet.store.delta import DeltaFolder, is_one_of, join_place, text_column
 from tripwatt.fleet.store.rows import (
@@ -35,7 +34,6 @@ from tripwatt.fleet.store.rows import (
     log_from_rows,
     samples_table,
     stored_log,
-    trips_table,
 )
 from tripwatt.trips import Log, Recorded, TripSet, raise_faults
 
@@ -165,13 +163,13 @@ class TripStore:
     ...     print(store.add(synthetic_fleet(2), vehicle_id="V1", car_model="bmw_i3_60ah"))
     ...     print(store.trips(columns=["trip_id", "vehicle_id"]).shape, len(store.trip_rows(vehicle_id="V1")))
     ...     print([len(log) > 1 for log in store.logs(limit=1)])
-    ...     print(len(store.file_trips(store.trip_rows())), len(store.audit(limit=1)))
+    ...     print(len(store.file_trips(store.trip_rows())))
     ...     print(store.about()["vehicles"], sorted(store.compact()))
     ...     print(store.forget("V1"))
     2 trips added, 0 were known; 0 of the added have no sound drive
     (2, 2) 2
     [True]
-    2 0
+    2
     1 ['made', 'merged', 'orphans', 'removed']
     2
     """
@@ -235,11 +233,8 @@ class TripStore:
             vehicles = [log.context.car or vehicle_id or "" for log in chunk]
             models = [usual or cars.get(vehicle, "") for vehicle in vehicles]
             raise_faults(fault for model in models for fault in _name_faults("car model", model))
-            stored = [
-                stored_log(log, vehicle, model, self.buckets)
-                for log, vehicle, model in zip(chunk, vehicles, models, strict=True)
-            ]
-            total += self._add_batch(stored)
+            each = zip(chunk, vehicles, models, strict=True)
+            total += self._add_batch([stored_log(*row, self.buckets) for row in each])
             if progress is not None:
                 progress(total)
         return total
@@ -257,7 +252,8 @@ class TripStore:
 
         def rows_for(table: Any) -> pa.Table | None:
             committed[:] = new if table.version() == before.version() else self._unknown(new, table)
-            return trips_table(committed, batch) if committed else None
+            rows = [{**s.row, "batch": batch} for s in committed]
+            return pa.Table.from_pylist(rows, schema=TRIPS) if rows else None
 
         try:
             self.rows.append_checked(rows_for)
@@ -421,28 +417,6 @@ class TripStore:
             if wanted:
                 files.append(FileTrips(file["path"], wanted))
         return files
-
-    def audit(self, **which: Any) -> tuple[Finding, ...]:
-        """Audit stored logs again, all logs of a vehicle together.
-
-        Properties of a car, such as the capacity of its battery, are estimated from all its logs. In contrast, the findings in the
-        rows of `trips` are from an audit of each log by itself.
-
-        Parameters
-        ----------
-        **which
-            As in `trips`.
-
-        Returns
-        -------
-        tuple of Finding
-            Findings, vehicle by vehicle.
-        """
-        findings: list[Finding] = []
-        for _, rows in groupby(self.trip_rows(**which), key=lambda row: row["vehicle_id"]):
-            logs = sorted(self.logs([*rows]), key=lambda log: (str(log.context.started_at), log.trip_id))
-            findings += audit(logs).findings
-        return tuple(findings)
 
     def compact(self, *, file_bytes: int = _FILE_BYTES, keep_hours: int = _KEPT_HOURS) -> dict[str, int]:
         """Merge small data files, and remove samples without a trip and files of old versions.

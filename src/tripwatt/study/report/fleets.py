@@ -28,6 +28,7 @@ from tripwatt.fleet.changes import (
     without_trips_before_changes,
 )
 from tripwatt.fleet.charging import Depot, Night
+from tripwatt.fleet.deviations import worst_month
 from tripwatt.fleet.model import FleetModel
 from tripwatt.fleet.registry import REPORT_FILES, REPORT_TABLES
 from tripwatt.fleet.statistics import TripRows
@@ -175,8 +176,7 @@ class ManagerReport:
         if planned is not None:
             since_changes = without_trips_before_changes(model, rows, changed)
             needs = nights.needs_by_hour(since_changes, planned[0], **settings, refused=refused)
-            reasons = need_notes(changed)
-            of_changes = needs["vehicle_id"].map(lambda car: reasons.get(car, ""))
+            of_changes = needs["vehicle_id"].map(need_notes(changed).get).fillna("")
             needs["reasons"] = (needs["reasons"].fillna("") + "; " + of_changes).str.strip("; ")
             night = Night(needs, planned[1], asked.probability)
         if planned is not None and cold is not None:
@@ -196,7 +196,7 @@ class ManagerReport:
             route_ends=ends,
             cold=cold,
             refused=tuple(refused),
-            about=about,
+            about={**about, **worst_month(model.posterior, rows)},
         )
 
     @property

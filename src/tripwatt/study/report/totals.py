@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import pandas as pd
 
-from tripwatt.fleet.batteries import USUAL, Warranty
+from tripwatt.fleet import Warranty
 from tripwatt.fleet.charging import EFFICIENCY
 from tripwatt.fleet.deviations import deviations
 from tripwatt.fleet.statistics import TripRows
@@ -46,7 +46,7 @@ class ReportSettings:
     co2_g: float = 250.0
     groups: Mapping[str, str] = field(default_factory=dict)
     new_at: Mapping[str, str] = field(default_factory=dict)
-    warranty: Warranty = USUAL
+    warranty: Warranty = field(default_factory=Warranty)
 
 
 def trip_energies(posterior: GroupPosterior, rows: TripRows) -> pd.DataFrame:
