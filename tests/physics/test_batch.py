@@ -1,6 +1,7 @@
 """Many drives at once: each as it is alone, whatever is beside it."""
 
 import itertools
+from dataclasses import replace
 
 import numpy as np
 import pandas as pd
@@ -9,8 +10,8 @@ from benchmarks.worlds import changed
 
 import tripwatt as tw
 from tripwatt.errors import InvalidInput
-from tripwatt.physics import simulate_trip
-from tripwatt.physics.batch import CHUNK_SAMPLES, simulate_trips, trip_totals
+from tripwatt.physics import batch, simulate_trip
+from tripwatt.physics.batch import CHUNK_SAMPLES, energies_on_grades, simulate_trips, trip_totals
 from tripwatt.physics.cabin import MIN_SIDE_BY_SIDE
 from tripwatt.physics.chain import CAUSES
 from tripwatt.study.synthetic import synthetic_fleet
@@ -174,3 +175,28 @@ def test_rows_of_a_table_are_each_trip_with_each_car():
         itertools.product([trip.trip_id for trip in trips], ["vw_id3", "bmw_i3_60ah"])
     )
     assert set(table.attrs["units"]) == set(table.columns) - {"trip", "car", "flags"}
+
+
+@pytest.mark.parametrize("car", CARS, ids=lambda car: f"{car.name} {car.preset}")
+def test_the_energy_on_grades_is_that_of_simulations(car, monkeypatch):
+    """Also where a cold or full battery limits regeneration; elsewhere its state is not computed."""
+    in_full = []
+
+    def counted(pairs):
+        in_full.extend(pairs := list(pairs))
+        return simulate_trips(pairs)
+
+    monkeypatch.setattr(batch, "simulate_trips", counted)
+    long = drive(0, CHUNK_SAMPLES // 2 - 1, ambient_temperature_degc=5.0, soc=0.6)
+    plans = [plan for plan in DRIVES if "elevation_m" not in plan]
+    seconds = np.arange(1200.0)
+    trace = pd.DataFrame({"time_s": seconds, "speed_m_s": np.minimum(0.2 * seconds, 12.0)})
+    gentle = Plan.from_trace("gentle", trace, tw.Departure(ambient_temperature_degc=20.0, soc=0.98))
+    for plan in (*plans, long, gentle):
+        up_and_down = np.where(np.arange(len(plan.samples)) // 50 % 2, -0.06, 0.07)
+        grades = [-0.1, -0.03, 0.0, 0.05, up_and_down]
+        found = energies_on_grades(car, plan, simulate_trip(car, plan), grades)
+        for grade, energy_wh in zip(grades, found, strict=True):
+            road = replace(plan, samples=plan.samples.assign(grade=grade))
+            np.testing.assert_allclose(energy_wh, simulate_trip(car, road).energy_wh, rtol=1e-12, atol=1e-9)
+    assert 0.1 < len(in_full) / (5 * len(plans) + 10) < 0.7

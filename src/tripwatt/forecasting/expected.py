@@ -13,7 +13,7 @@ from tripwatt.arrays import FloatArray, running_sum
 from tripwatt.hybrid import PowerCorrector, SegmentTable
 from tripwatt.hybrid.segments import driving_w
 from tripwatt.physics import Simulation
-from tripwatt.physics.batch import simulate_trips
+from tripwatt.physics.batch import energies_on_grades
 from tripwatt.routes.terrain import LOCAL_M, STEEPEST, NetClimbs
 from tripwatt.trips import Plan
 from tripwatt.uncertainty import Segments
@@ -148,11 +148,9 @@ class ExpectedTrip:
         # a battery that the climb empties takes the energy of the descent, and hills on a climb waste little
         expected = np.clip(net.known.grade(at), -STEEPEST, STEEPEST) if net.known else 0.0
         grades = [expected + each for each in (*grade, *np.outer(HILLS, by_turns))]
-        plans = [replace(self.plan, samples=self.plan.samples.assign(grade=each)) for each in grades]
-        runs = simulate_trips((self.vehicle, plan) for plan in plans)
-        time_s = self.simulation.time_s - self.simulation.time_s[0]
-        flat_wh = self.simulation.energy_wh
-        extra_wh = [np.interp(self.edges_s, time_s, run.energy_wh - flat_wh) for run in runs]
+        time_s, flat = self.simulation.time_s - self.simulation.time_s[0], self.simulation
+        more_wh = energies_on_grades(self.vehicle, self.plan, flat, grades) - flat.energy_wh
+        extra_wh = [np.interp(self.edges_s, time_s, row) for row in more_wh]
         even_wh, hill_wh = np.split(extra_wh, [len(EVEN)])
         hill_wh = np.insert(hill_wh - even_wh[len(EVEN) // 2], 0, 0.0, axis=0)
         return ClimbingEnergy(grade, even_wh, np.array((0.0, *HILLS)), hill_wh, self.distance_m, net)

@@ -9,11 +9,12 @@ from dataclasses import fields, replace
 from typing import Any, Final, TypeVar
 
 import numpy as np
+import numpy.typing as npt
 
 from tripwatt.arrays import FloatArray, by_key
 from tripwatt.errors import Fault, InvalidInput, raise_faults
 from tripwatt.physics.cabin import CabinRun, condition_cabins
-from tripwatt.physics.chain import Flags, Trace, drive_chain
+from tripwatt.physics.chain import Flags, Trace, drive_chain, unlimited_energy
 from tripwatt.physics.simulate import Drive, Simulation, drive_of_trip
 from tripwatt.trips import Plan, Recorded
 from tripwatt.units import WH_PER_J
@@ -58,6 +59,46 @@ def simulate_trips(pairs: Iterable[Pair]) -> list[Simulation]:
     True
     """
     return list(_in_order(pairs, _simulations))
+
+
+def energies_on_grades(
+    vehicle: Vehicle, plan: Plan, flat: Simulation, grades: Sequence[npt.ArrayLike]
+) -> FloatArray:
+    """Return the cumulative energy of a plan on several roads [Wh], shape (roads, samples), as `simulate_trip` does. O(samples) for each.
+
+    The state of the battery is only computed on roads on which it may limit the power.
+
+    Parameters
+    ----------
+    vehicle : Vehicle
+    plan : Plan
+        Plan without known heights.
+    flat : Simulation
+        Simulation of the same plan.
+    grades : sequence of array_like
+        Grade at the samples, or of the whole road.
+
+    Examples
+    --------
+    >>> import tripwatt as tw
+    >>> car, plan = tw.load_vehicle("bmw_i3_60ah"), tw.read_route([{"length_m": 9000.0, "speed_m_s": 15.0}])
+    >>> flat = tw.simulate(plan, car)
+    >>> down, up = energies_on_grades(car, plan, flat, [-0.02, 0.02])[:, -1].tolist()
+    >>> down < flat.simulated_energy_wh < up
+    True
+    """
+    drive = drive_of_trip(vehicle, plan)
+    slopes = np.array([np.broadcast_to(grade, drive.time_s.shape) for grade in grades])
+    means = np.hstack((slopes[:, :1], 0.5 * (slopes[:, 1:] + slopes[:, :-1])))
+    chunks = np.array_split(means, min(len(means), math.ceil(means.size / CHUNK_SAMPLES)))
+    trace = Trace.from_samples(drive.time_s, drive.speed_m_s, drive.grade, drive.headwind_m_s)
+    given = drive.conditions, flat.auxiliary_power_w
+    parts = [unlimited_energy(drive.vehicle, replace(trace, grade=chunk), *given) for chunk in chunks]
+    energy_wh, is_sure = map(np.concatenate, zip(*parts, strict=True))
+    roads = (replace(plan, samples=plan.samples.assign(grade=slope)) for slope in slopes[~is_sure])
+    limited = [run.energy_wh for run in simulate_trips((vehicle, road) for road in roads)]
+    energy_wh[~is_sure] = np.reshape(limited, (-1, slopes.shape[1]))
+    return energy_wh
 
 
 def trip_totals(pairs: Iterable[Pair]) -> dict[str, list[Any]]:

@@ -171,7 +171,7 @@ class CabinTask:
         """
         control = control_values(self.climate, self.ambient_temperature_degc, self.start)[2:]
         speeds = self.mean_speeds().tolist()
-        steps = (air_degc, interior_degc, *control), speeds, np.minimum, np.maximum, np.any
+        steps = (air_degc, interior_degc, *control), speeds, np.minimum, np.maximum, np.logical_or.reduce
         return self.run(*_control_steps(*steps))
 
     def run(self, heat_w: FloatArray, fan: FloatArray, *degc: FloatArray) -> CabinRun:
@@ -232,7 +232,7 @@ def control_steps(
     together = np.zeros((max(map(len, speeds)), len(speeds)))
     for column, own in enumerate(speeds):
         together[: len(own), column] = own
-    steps = _control_steps(np.array(controls).T, together, np.minimum, np.maximum, np.any)
+    steps = _control_steps(np.array(controls).T, together, np.minimum, np.maximum, np.logical_or.reduce)
     return [
         tuple(of[: n + (len(of) > len(together)), column] for of in steps)
         for column, n in enumerate(map(len, speeds))

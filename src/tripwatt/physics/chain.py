@@ -25,7 +25,7 @@ from tripwatt.physics.road_load import (
     wet_factor,
 )
 from tripwatt.trips import Flag
-from tripwatt.units import WH_PER_J
+from tripwatt.units import SECONDS_PER_HOUR, WH_PER_J
 from tripwatt.vehicles import Vehicle
 
 CAUSE_NAMES: Final = {
@@ -70,8 +70,7 @@ class Trace:
         beyond: BoolArray | None = None,
     ) -> Trace:
         """Make intervals from samples; `grade` is already the one of the intervals."""
-        step = np.zeros_like(time)
-        np.subtract(time[..., 1:], time[..., :-1], out=step[..., 1:])
+        step = np.diff(time, prepend=time[..., :1])
         mean_speed = speed.copy()
         mean_speed[..., 1:] = 0.5 * (speed[..., 1:] + speed[..., :-1])
         acceleration = np.zeros_like(speed)
@@ -156,6 +155,44 @@ def drive_chain(
         "power_by_cause_w": by_cause,
     }
     return arrays, _flags(vehicle, step, drive, battery, lost_wh)
+
+
+def unlimited_energy(
+    vehicle: Vehicle, trace: Trace, conditions: DriveConditions, auxiliary_power_w: FloatArray
+) -> tuple[FloatArray, BoolArray]:
+    """Compute the energy of drives as `drive_chain`, if the battery limits neither regeneration nor charge. O(samples).
+
+    Parameters
+    ----------
+    vehicle, trace, conditions
+        As for `drive_chain`.
+    auxiliary_power_w : ndarray, shape (samples,) or (trips, samples)
+        Electric power of all auxiliaries [W].
+
+    Returns
+    -------
+    ndarray, shape (trips, samples)
+        Cumulative energy at the terminals [Wh].
+    ndarray of bool, shape (trips,)
+        Whether this is surely the energy; else the state of the battery has to be computed.
+    """
+    rules, battery, step = vehicle.regeneration, vehicle.battery, trace.step_s
+    soc, temperature = np.asarray(conditions.initial_soc), np.asarray(conditions.battery_start_degc)
+    wheel_power = sum(_forces(vehicle, trace, conditions)) * trace.mean_speed_m_s
+    acceptance = regeneration_acceptance(soc, temperature, rules)
+    drive = propulsion(wheel_power, trace.mean_speed_m_s, acceptance, vehicle.drivetrain, rules)
+    power = drive.motor_power_w + auxiliary_power_w
+    # charge is at most that at the lowest voltage, discharge at least that at the highest
+    volts = np.where(power < 0.0, min(battery.ocv_v), max(battery.ocv_v)) * battery.cells_in_series
+    gained_as = -(power / volts * step).cumsum(axis=-1).min(axis=-1, keepdims=True)
+    fullest = soc + np.maximum(gained_as / (battery.capacity_ah * SECONDS_PER_HOUR), 0.0)
+    # losses warm the battery
+    coldest = np.minimum(temperature, conditions.ambient_temperature_degc)
+    lowest = regeneration_acceptance(fullest, coldest, rules)
+    hardest = -wheel_power.min(axis=-1, keepdims=True) * rules.fraction
+    brakes = (lowest >= 1.0) | (hardest <= rules.max_power_w * lowest)
+    charges = fullest <= np.maximum(battery.displayed_full_soc, soc)
+    return (power * (step * WH_PER_J)).cumsum(axis=-1), (brakes & charges)[..., 0]
 
 
 def _forces(vehicle: Vehicle, trace: Trace, conditions: DriveConditions) -> tuple[FloatArray, ...]:

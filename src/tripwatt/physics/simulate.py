@@ -363,12 +363,10 @@ def _drive_of(
         slope = np.zeros(len(time)) if height is None else grade_from_elevation(time, speed, height)
     else:
         slope = np.concatenate((slope[:1], 0.5 * (slope[1:] + slope[:-1])))
-    if conditions.air_density_kg_m3 is None:
-        known = None if height is None else height[np.isfinite(height)]
-        mean_height = float(known.mean()) if known is not None and len(known) else 0.0
-        density = air_density(conditions.ambient_temperature_degc, mean_height)
-    else:
-        density = conditions.air_density_kg_m3
+    density = conditions.air_density_kg_m3
+    if density is None:
+        known = np.zeros(0) if height is None else height[np.isfinite(height)]
+        density = air_density(conditions.ambient_temperature_degc, float(known.mean()) if len(known) else 0.0)
     battery_degc = conditions.battery_start_degc
     conditions = replace(conditions, air_density_kg_m3=density, initial_battery_temperature_degc=battery_degc)
     cabin: CabinTask | None = None
