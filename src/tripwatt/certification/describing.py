@@ -376,8 +376,7 @@ def certified_interval(car: Vehicle, level: float = 0.9) -> ConsumptionInterval:
 
 
 def _wltp_wh_per_km(car: Vehicle, mass_factor: float = 1.0) -> float:
-    mass_kg = mass_factor * wltp_test_mass(car.body.test_mass_kg)
-    return driven_wh_per_km(car, schedule("wltc"), mass_kg)
+    return driven_wh_per_km(car, schedule("wltc"), mass_factor * wltp_test_mass(car.body.test_mass_kg))
 
 
 def _relative_sd(car: Vehicle) -> float:

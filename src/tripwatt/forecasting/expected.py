@@ -128,8 +128,7 @@ class ExpectedTrip:
     @cached_property
     def distance_m(self) -> FloatArray:
         """Distance at the edges of the segments [m], shape (segments + 1,)."""
-        speed = self.table.columns["speed_m_s"]
-        return running_sum(speed * self.table.hours * SECONDS_PER_HOUR)
+        return running_sum(self.table.columns["speed_m_s"] * self.table.hours * SECONDS_PER_HOUR)
 
     @cached_property
     def min_w(self) -> FloatArray:

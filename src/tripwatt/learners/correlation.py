@@ -85,8 +85,7 @@ class WorkingCorrelation:
         return np.asarray(result / (1.0 - self.rho**2))
 
     def _ar1_diagonal(self) -> FloatArray:
-        values = np.array([1.0 - self.rho**2, 1.0, 1.0 + self.rho**2])
-        return np.asarray(values[self.neighbours])
+        return np.asarray(np.array([1.0 - self.rho**2, 1.0, 1.0 + self.rho**2])[self.neighbours])
 
     def normal_matrix(self, leaf: IntArray, n_leaves: int) -> FloatArray:
         """Compute Z' V^-1 Z for the indicators Z of the leaves, shape (n_leaves, n_leaves)."""

@@ -346,8 +346,7 @@ def population_of(base: ForecastModel, *, of_car: bool = False) -> Population:
     cars, name = population(), base.vehicle.name
     if base.evidence_ is None or (not of_car and any(source.car_model == name for source in cars.sources)):
         return cars
-    own = Source(name, "base", "", len(base.evidence_), "", "")
-    return cars.with_car(own, base.evidence_)
+    return cars.with_car(Source(name, "base", "", len(base.evidence_), "", ""), base.evidence_)
 
 
 def in_order(trips: Iterable[Trip]) -> list[Trip]:

@@ -115,11 +115,9 @@ class LinkRoute:
         return self.duration_s + sum(pause.duration_s for pause in self.pauses)
 
     def paused_s(self, position_m: FloatArray) -> FloatArray:
-        """Time of the pauses before each position [s], in the shape of `position_m`."""
-        total = np.zeros(len(position_m))
-        for pause in self.pauses:
-            total[position_m > pause.position_m] += pause.duration_s
-        return total
+        """Time of the pauses before each position [s], in the shape of `position_m`, or 0 without a pause."""
+        parts = (pause.duration_s * (position_m > pause.position_m) for pause in self.pauses)
+        return np.asarray(sum(parts, 0.0))
 
     @property
     def speed_m_s(self) -> FloatArray:

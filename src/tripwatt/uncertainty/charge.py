@@ -102,8 +102,7 @@ class ChargeScale:
             Displayed state of charge, shape of `energy_wh`; below 0 if the charge does not last.
         """
         shown = min(max((start - NEARLY_FULL) / (FULL - NEARLY_FULL), 0.0), 1.0) if from_display else 0.0
-        hidden = self.hidden * shown
-        return start + hidden - energy_wh / self.wh_per_display
+        return start + self.hidden * shown - energy_wh / self.wh_per_display
 
     def sd(self, energy_wh: Any, from_display: bool) -> Any:
         """Compute the scale of the error of `left`, without the error of the energy.

@@ -202,8 +202,7 @@ def _off_share(off: FloatArray, not_drawn: FloatArray, scale_wh: FloatArray) -> 
     if int(stays.any(axis=0).sum()) < 3:
         return 0.0
     share, weight = (not_drawn[stays] / off[stays]), (np.abs(off) / scale_wh)[stays]
-    middle = np.quantile(share, 0.5, weights=weight, method="inverted_cdf")
-    return float(np.clip(middle, 0.0, 1.0))
+    return float(np.clip(np.quantile(share, 0.5, weights=weight, method="inverted_cdf"), 0.0, 1.0))
 
 
 def _rests(process: ResidualProcess, trip: HeldOutResidual) -> list[tuple[float, ...]]:

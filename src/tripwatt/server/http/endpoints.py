@@ -119,8 +119,7 @@ async def batch(call: Called, fields: Fields = None) -> Response:
 @routes.post("/v1/routes", response_model=schemas.RouteResponse, **request_content(UPLOADS))
 async def route(call: Called, speed_m_s: MeanSpeed = None) -> Response:
     """Read a route or a trip: GPX, KML, GeoJSON, the response of a router, links, or samples as CSV."""
-    body = await call.read(tuple(UPLOADS))
-    return await call.job("route", body, speed_m_s=speed_m_s)
+    return await call.job("route", await call.read(tuple(UPLOADS)), speed_m_s=speed_m_s)
 
 
 _add_job(journeys, "/v1/journeys", "plan", journey.PlanResponse)
