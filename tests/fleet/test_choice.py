@@ -333,7 +333,8 @@ def test_the_command_chooses_vehicles_and_counts_chargers(fleet, tmp_path):
     assert {row["chargers"] for row in answer["chargers"]} <= {1, 2}
     shown = CliRunner().invoke(app, asked).stdout
     assert "Chargers for 2 vehicles" in shown
-    assert "In 95 % of the nights 1 of 3700 W are enough" in shown
+    assert "In 95 % of the nights 1 of 3700 W are enough, with a peak of " in shown
+    assert "Each vehicle then has enough with 95 %, all of them with " in shown
     more = CliRunner().invoke(app, [*asked, "--new", "vw_id3=3", "--grid", "0.5"])
     assert more.exit_code == 0, more.output
     assert "3 new vehicles take " in more.stdout

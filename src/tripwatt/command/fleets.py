@@ -37,7 +37,7 @@ CHOICE = {"route": "{route}", "vehicle": "{car}", "year": "{chance:.0%}", "worst
           "charge": "{soc_needed:.0%}", "kWh/year": "{energy_wh:,.0f}", "€/year": "{cost:,.0f}", "smallest": "{smallest}"}  # fmt: skip
 NEW_CARS = "N more vehicles of this car drive the routes, too, in turn. Repeatable."
 NEW = "{vehicles} new vehicles take {kwh:,.0f} kWh and {cost:,.0f} € a year; in the worst month one charge is enough with at least {worst_chance:.0%}."
-SMALLEST = "In 95 % of the nights {chargers} of {charger_w:g} W are enough, with a peak of {peak_w:,.0f} W; the chance that all vehicles have enough is {p_enough:.0%}."
+SMALLEST = "In 95 % of the nights {chargers} of {charger_w:g} W are enough, with a peak of {peak_w:,.0f} W. Each vehicle then has enough with {level:.3g} %, all of them with {p_enough:.0%}."
 WARRANTY = "What is guaranteed of the batteries' energy, up to which age and distance; a choice."
 WORK = "Folder of finished parts, which every worker reaches. Default: REGISTRY/work."
 
@@ -386,10 +386,10 @@ def choose(
     if out is not None:
         write_text(csv_text(pd.DataFrame(document["choices"])), out)
     unserved = any(row["smallest"] is None for row in document["choices"])
-    return Answer(document, partial(_show_choices, document), code=unserved)
+    return Answer(document, partial(_show_choices, document, 100.0 * probability), code=unserved)
 
 
-def _show_choices(document: Mapping[str, Any]) -> None:
+def _show_choices(document: Mapping[str, Any], level: float) -> None:
     import pandas as pd
 
     from tripwatt.fleet.nights import records
@@ -409,7 +409,7 @@ def _show_choices(document: Mapping[str, Any]) -> None:
         counts = shown.groupby(rows["charger_w"]).agg(list).items()
         print_table(f"Chargers for {vehicles} vehicles", heads, [[f"{w:g}", *row] for w, row in counts])
         smallest = rows[rows["is_smallest"] & (rows["nights"] == 0.95)]
-        say(*(SMALLEST.format(**row) for row in records(smallest)))
+        say(*(SMALLEST.format(**row, level=level) for row in records(smallest)))
         print_notes(f"short with a charger of its own: {name}" for name in rows["fails"].unique() if name)
 
 
