@@ -68,9 +68,12 @@ def journeys(number: int, seed: int) -> Iterator[dict[str, Any]]:
             soc=round(float(rng.uniform(0.03, 1.0)), 2),
             ambient_temperature_degc=round(float(rng.normal(9.0, 10.0)), 1),
         )
-        options = JourneyOptions(reserve=float(rng.choice([0.0, 0.05, 0.1, 0.1, 0.2])))
+        reserve, is_return = float(rng.choice([0.0, 0.05, 0.1, 0.1, 0.2])), rng.random() < 0.3
+        pause_s = round(float(rng.uniform(0.0, 36_000.0))) * is_return
+        options = JourneyOptions(reserve=reserve, round_trip=is_return, pause_s=pause_s)
         forecaster = RoadForecaster(models[str(rng.choice(list(models)))], departure)
-        yield journey_with(forecaster, (start, end), atlas, options).to_dict()
+        stops = (start, end, *((start,) * is_return))
+        yield journey_with(forecaster, stops, atlas, options).to_dict()
 
 
 def contradictions(journey: dict[str, Any]) -> Iterator[str]:
@@ -84,6 +87,8 @@ def contradictions(journey: dict[str, Any]) -> Iterator[str]:
                 yield "a stop below 5 minutes"
             if stop["soc_leave"] <= stop["soc_arrival"]:
                 yield "a stop that loses charge"
+            if stop["charging_s"] < stop["pause_s"]:
+                yield "a car that leaves before its pause is over"
             if stop["position_m"] < 1000.0 and start >= reserve:
                 yield "a stop at the start"
         if (
@@ -94,6 +99,10 @@ def contradictions(journey: dict[str, Any]) -> Iterator[str]:
             yield "a charge outside its interval"
         if plan["p_reserve"] > plan["p_arrive"] + ROUNDING:
             yield "the reserve is more certain than the arrival"
+        if abs(plan["course"]["time_s"][-1] - plan["duration_s"]) > 60.0:
+            yield "a course that ends at another time"
+        if plan["soc_needed"] is not None and (verdict["arrives"] or plan["soc_needed"] <= start - ROUNDING):
+            yield "a plan that needs more charge and has it"
         levels = [plan["course"]["displayed_soc"][0], *(stop["soc_leave"] for stop in plan["stops"])]
         if any(level > 1.0 for level in levels[1:]):
             yield "a charge above full"

@@ -265,7 +265,8 @@ class Corridor:
         """Temperature of the battery's cells at each node on the way without stops [°C]."""
         run = self.forecast.drive.simulation
         time_s, driven_s = self._at_nodes(self.forecast.along.time_s), run.time_s - run.time_s[0]
-        return np.interp(time_s, driven_s, run.battery_temperature_degc)
+        # a choice: cars cool hotter cells, or limit their power
+        return np.minimum(np.interp(time_s, driven_s, run.battery_temperature_degc), 60.0)
 
     @cached_property
     def preheat_soc(self) -> FloatArray:
