@@ -165,7 +165,7 @@ def unlimited_energy(
     Parameters
     ----------
     vehicle, trace, conditions
-        As for `drive_chain`.
+        As for `drive_chain`, of one car.
     auxiliary_power_w : ndarray, shape (samples,) or (trips, samples)
         Electric power of all auxiliaries [W].
 
@@ -189,8 +189,8 @@ def unlimited_energy(
     # losses warm the battery
     coldest = np.minimum(temperature, conditions.ambient_temperature_degc)
     lowest = regeneration_acceptance(fullest, coldest, rules)
-    hardest = -wheel_power.min(axis=-1, keepdims=True) * rules.fraction
-    brakes = (lowest >= 1.0) | (hardest <= rules.max_power_w * lowest)
+    recovered = np.where(drive.recovered_wheel_power_w > 0.0, drive.recovered_wheel_power_w, -wheel_power)
+    brakes = (lowest >= 1.0) | (recovered.max(axis=-1, keepdims=True) < rules.max_power_w * lowest)
     charges = fullest <= np.maximum(battery.displayed_full_soc, soc)
     return (power * (step * WH_PER_J)).cumsum(axis=-1), (brakes & charges)[..., 0]
 
