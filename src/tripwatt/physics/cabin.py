@@ -170,9 +170,10 @@ class CabinTask:
         The arrays of the run have shape (steps, starts).
         """
         control = control_values(self.climate, self.ambient_temperature_degc, self.start)[2:]
+        # NumPy multiplies by an array without dimensions faster than by a number
+        start = air_degc, interior_degc, *map(np.asarray, control)
         speeds = self.mean_speeds().tolist()
-        steps = (air_degc, interior_degc, *control), speeds, np.minimum, np.maximum, np.logical_or.reduce
-        return self.run(*_control_steps(*steps))
+        return self.run(*_control_steps(start, speeds, np.minimum, np.maximum, np.logical_or.reduce))
 
     def run(self, heat_w: FloatArray, fan: FloatArray, *degc: FloatArray) -> CabinRun:
         """Build the run from the results of the control steps.
