@@ -185,8 +185,7 @@ class WeatherServer:
 
 def _cell_and_hour(place: Place, when: dt.datetime) -> _CellAndHour:
     """Return the cell of a place and the nearest hour of a time; a time without a zone is local time of this machine."""
-    utc = when.astimezone(dt.UTC)
-    hour = (utc + dt.timedelta(minutes=30)).replace(minute=0, second=0, microsecond=0)
+    hour = (when.astimezone(dt.UTC) + dt.timedelta(minutes=30)).replace(minute=0, second=0, microsecond=0)
     return round(place.latitude_deg / _CELL_DEG), round(place.longitude_deg / _CELL_DEG), hour
 
 
@@ -241,8 +240,7 @@ def weather_along(
     """
     n_points = min(max(round(road.distance_m / POINT_EVERY_M), 1), MAX_POINTS)
     position = (np.arange(n_points) + 0.5) / n_points * road.distance_m
-    link_start_m = running_sum(road.links.length_m)
-    passed_s = np.interp(position, link_start_m, running_sum(road.links.travel_time_s))
+    passed_s = np.interp(position, running_sum(road.links.length_m), running_sum(road.links.travel_time_s))
     passed_s += road.links.paused_s(position)
     when = [departs_at + dt.timedelta(seconds=float(seconds)) for seconds in passed_s]
     return position, source.at([road.place_at(float(at)) for at in position], when)

@@ -130,9 +130,12 @@ def _best_effort_plans(corridor: Corridor) -> tuple[ChargingPlan, ...]:
     plan = ChargingPlan(BEST_EFFORT, (), corridor.legs_of(optimum), reserve)
     if plan.p_reserve <= corridor.forecast.p_arrive(reserve) or plan.p_arrive < 0.5:
         return ()
+    plan = _with_stops(corridor, plan, optimum, chances)
+    if plan.p_reserve >= CERTAIN:  # the other legs make up for the first
+        return (replace(plan, label="fastest"),)
     first, chance = plan.legs[0], 1.0 - (1.0 - CERTAIN) / len(plan.legs)
     needed = soc_needed(first.forecast, min(reserve + first.preheat_soc, 1.0), chance)
-    return (replace(_with_stops(corridor, plan, optimum, chances), soc_needed=needed),)
+    return (replace(plan, soc_needed=needed),)
 
 
 def _with_stops(

@@ -120,8 +120,7 @@ def request_openrouteservice(client: WebClient, stops: Sequence[Place], alternat
 def openrouteservice_leg(route: Node) -> Leg:
     """Return a route of openrouteservice as one leg with the whole line."""
     properties = route["properties"]
-    segments = properties["segments"].entries(min_count=1)
-    steps = [step for segment in segments for step in steps_of(segment)]
+    steps = [step for part in properties["segments"].entries(min_count=1) for step in steps_of(part)]
     points = route["geometry"]["coordinates"].coordinates()
     return _leg_from_table(step_pieces(steps), points, ferry_steps(properties, steps))
 
