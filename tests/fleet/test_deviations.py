@@ -57,7 +57,7 @@ def test_drift_names_the_vehicles_that_take_more(rows, fleet):
 
 @pytest.mark.parametrize(
     ("planted", "first"),
-    [("climate", "+20 heating and cooling"), ("air", "+20 roads, speed and load"), (None, "+20 vehicles, drivers or unknown")],
+    [("climate", "+20 by heating and cooling"), ("air", "+20 by roads, speed and load"), (None, "+20 by vehicles, drivers or unknown")],
 )  # fmt: skip
 def test_the_worst_month_is_explained_by_what_it_took_more(planted, first):
     months = np.repeat(["2024-01", "2024-02", "2024-03"], [12, 12, 4])

@@ -92,7 +92,7 @@ def worst_month(posterior: GroupPosterior, rows: TripRows) -> dict[str, str]:
     km = sums.pop("km")
     worst = f"{(sums.sum(axis=1) / km).idxmax()}"
     more = sums.loc[worst] / km[worst] - sums.drop(worst).sum() / km.drop(worst).sum()
-    why = ", ".join(f"{wh:+.0f} {name}" for name, wh in more.sort_values(ascending=False).items())
+    why = ", ".join(f"{wh:+.0f} by {name}" for name, wh in more.sort_values(ascending=False).items())
     total = f"{sums.loc[worst].sum() / km[worst]:.0f} Wh/km, {more.sum():+.0f} beside the other months"
     return {"Worst month": f"{worst} took {total}: {why}"}
 

@@ -319,6 +319,8 @@ def test_energy_cost_and_gain_are_those_that_were_planted():
         assert made[name]["distance_m"].sum() == pytest.approx(table["distance_m"].sum())
         assert made[name]["cost"].sum() == pytest.approx(0.4 * wh / 900.0)
         assert made[name]["co2_kg"].sum() == pytest.approx(0.1 * wh / 900.0)
+        per_km = 1000.0 * made[name]["cost"] / made[name]["distance_m"]
+        assert made[name]["cost_per_km"].to_numpy() == pytest.approx(per_km.to_numpy())
     own = table[table["vehicle_id"] == "v03"]
     first = made["vehicles"].iloc[0]
     assert first["vehicle_id"] == "v03"

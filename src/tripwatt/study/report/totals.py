@@ -84,7 +84,7 @@ def total_by(trips: pd.DataFrame, by: str, settings: ReportSettings) -> pd.DataF
     -------
     DataFrame
         One row per value, in the order of the values: `trips`; `distance_m` [m]; `energy_wh` and `expected_wh` [Wh] from the battery;
-        `excess` [1], energy over expectation - 1; `wh_per_km`; `cost` [€] and `co2_kg` of the energy from the plug, of which the share
+        `excess` [1], energy over expectation - 1; `wh_per_km`; `cost` [€], `cost_per_km` and `co2_kg` of the energy from the plug, of which the share
         `EFFICIENCY` reaches the battery; and `gain` [€], the cost of the energy beyond the expectation, negative if there is less.
     """
     columns = ["distance_m", "energy_wh", "expected_wh"]
@@ -95,6 +95,7 @@ def total_by(trips: pd.DataFrame, by: str, settings: ReportSettings) -> pd.DataF
         excess=energy / expected - 1.0,
         wh_per_km=1000.0 * energy / table["distance_m"],
         cost=settings.price * plug_kwh,
+        cost_per_km=1000.0 * settings.price * plug_kwh / table["distance_m"],
         co2_kg=1e-3 * settings.co2_g * plug_kwh,
         gain=settings.price * (energy - expected) / (1000.0 * EFFICIENCY),
     )
@@ -137,9 +138,8 @@ def drivers_by_name(posterior: GroupPosterior, rows: TripRows) -> pd.DataFrame:
     trips = trip_energies(posterior, rows).iloc[rows.chronological[0]]
     own = pd.DataFrame({group: posterior.weights(*group[:2])[0] for group in set(rows.groups)})
     chosen = own[[rows.groups[i] for i in trips.index]].to_numpy().T
-    trips["expected_wh"] = rows.numbers("simulated_wh")[trips.index] + (rows.X[trips.index] * chosen).sum(
-        axis=1
-    )
+    corrections = (rows.X[trips.index] * chosen).sum(axis=1)
+    trips["expected_wh"] = rows.numbers("simulated_wh")[trips.index] + corrections
     place = trips.groupby(names).cumcount() / trips.groupby(names)["driver"].transform("size")
     for name, half in (("earlier", place < 0.5), ("later", place >= 0.5)):
         sums = trips[half].groupby(names)[["energy_wh", "expected_wh"]].sum()
