@@ -101,8 +101,6 @@ def contradictions(journey: dict[str, Any]) -> Iterator[str]:
             yield "the reserve is more certain than the arrival"
         if abs(plan["course"]["time_s"][-1] - plan["duration_s"]) > 60.0:
             yield "a course that ends at another time"
-        if plan["soc_needed"] is not None and (verdict["arrives"] or plan["soc_needed"] <= start - ROUNDING):
-            yield "a plan that needs more charge and has it"
         levels = [plan["course"]["displayed_soc"][0], *(stop["soc_leave"] for stop in plan["stops"])]
         if any(level > 1.0 for level in levels[1:]):
             yield "a charge above full"
@@ -127,6 +125,9 @@ def contradictions(journey: dict[str, Any]) -> Iterator[str]:
         yield "every interval keeps the reserve, the chance says otherwise"
     if start < reserve and not verdict["arrives"] and verdict.get("reason") != "leaves_below_reserve":
         yield "the departure below the reserve is not named"
+    with_stops = journey["soc_needed_with_stops"]
+    if with_stops is not None and (verdict["arrives"] or with_stops <= start - ROUNDING):
+        yield "a plan that needs more charge and has it"
     if start >= journey["soc_needed"] and start >= reserve and not verdict["arrives"]:
         yield "the charge is enough and the journey does not arrive"
 

@@ -82,6 +82,9 @@ def journey_in_words(journey: tw.Journey) -> list[str]:
     title = " to ".join(place.title for place in journey.stops)
     sentences = [*unknown_climb_in_words(forecast, journey.reserve), forecast_in_words(forecast, title)]
     sentences.append(journey.leave)
+    with_stops = journey.soc_needed_with_stops
+    if with_stops is not None and with_stops <= 1.0:
+        sentences.append(f"With stops to charge, leave with at least {math.ceil(100.0 * with_stops)} %.")
     advice = journey.speed
     if advice is not None and advice.speed_m_s is not None:
         speed = round(advice.speed_m_s / M_S_PER_KM_H)
@@ -101,10 +104,6 @@ def _plan_in_words(plan: ChargingPlan, title: str, leaves: dt.datetime | None = 
         f"({_percent(low)} to {_percent(high)} %); the probability to have {_percent(plan.reserve)} % at every stop and at the "
         f"end is {chance(plan.p_reserve)}."
     ]
-    if plan.soc_needed is not None and plan.soc_needed <= 1.0:
-        sentences.append(
-            f"Leave with at least {math.ceil(100.0 * plan.soc_needed)} % for a chance of 0.95 with these stops."
-        )
     return sentences + [stop.in_words(leaves) for stop in plan.stops]
 
 

@@ -31,7 +31,8 @@ WRONG_PLAN = {
     "soc_arrival": 0.4,
     "p_reserve": 0.9,
     "p_arrive": 0.8,
-    "course": {"displayed_soc": [0.5]},
+    "course": {"displayed_soc": [0.5], "time_s": [0.0]},
+    "duration_s": 600.0,
 }
 FAR = Place(47.0, 11.2, "Far")
 LOW = replace(COLD, soc=0.7)
@@ -91,7 +92,12 @@ def test_a_slower_station_takes_longer_and_the_better_one_is_taken(model):
     assert words in found.stops[0].in_words()
     alone = journey(model, LOW, atlas=replace(MADE, stations=(slow,))).charging
     assert alone.charging_s > found.charging_s + 200.0
-    assert journey(model, LOW, atlas=replace(MADE, stations=(off,))).charging is None
+    # where no station beside the road helps, those farther away do
+    alone, far = (
+        journey(model, LOW, atlas=replace(MADE, stations=(one,)))
+        for one in (off, Station(47.3, 9.4, "Weit", 300_000.0, direct_current=True))
+    )
+    assert ([stop.station.name for stop in alone.charging.stops], far.charging) == (["Abseits"], None)
 
 
 @pytest.mark.parametrize(("soc", "first"), [(0.08, "Hier"), (0.7, "Halbweg")])
@@ -229,17 +235,20 @@ def test_a_start_that_reaches_no_station_surely_has_the_plan_that_does_best(mode
     assert (found.verdict.arrives, found.verdict.p_reserve) == (False, plan.p_reserve)
     assert found.verdict.advice != "stop"
     assert found.flags[0].code == "no_stop_found"
-    assert journey(model, replace(COLD, soc=0.2)).charging is None
     # more charge at the start makes it a plan that arrives
-    assert 0.55 < plan.soc_needed < 0.75
+    needed = found.soc_needed_with_stops
+    assert 0.55 < needed < 0.75
     assert found.verdict.advice == "charge_before"
-    told = f"Leave with at least {math.ceil(100.0 * plan.soc_needed)} %"
+    told = f"With stops to charge, leave with at least {math.ceil(100.0 * needed)} %"
     assert [one.startswith(told) for one in journey_in_words(found)].count(True) == 1
-    charged = journey(
-        model, replace(COLD, soc=plan.soc_needed + 0.01), atlas=replace(MADE, stations=(near, far))
-    )
-    assert (charged.verdict.arrives, charged.charging.soc_needed) == (True, None)
+    charged = journey(model, replace(COLD, soc=needed + 0.01), atlas=replace(MADE, stations=(near, far)))
+    assert (charged.verdict.arrives, charged.soc_needed_with_stops) == (True, None)
     assert len(charged.charging.stops) == len(plan.stops)
+    # who may strand is not sent off: the charge alone is said
+    lower = journey(model, replace(COLD, soc=0.3), atlas=replace(MADE, stations=(near, far)))
+    assert (lower.charging, lower.verdict.advice) == (None, "charge_before")
+    assert lower.soc_needed_with_stops == pytest.approx(needed, abs=0.02)
+    assert lower.soc_needed > 1.0
 
 
 def test_stations_without_a_plug_of_the_car_are_left_out(model):
@@ -332,7 +341,7 @@ def test_only_the_first_road_is_called_the_fastest_like_its_plan(model, monkeypa
     """Also where another road is faster by less than the time of plugging in."""
     found = journey(model, replace(COLD, soc=0.8), alternatives=1)
     for seconds, p in (((3600.0, 3400.0), 0.96), ((3600.0, 3800.0), 0.96), ((3600.0, 3400.0), 0.4)):
-        wholes = [SimpleNamespace(duration_s=s, energy_wh=s, p_reserve=p) for s in seconds]
+        wholes = [SimpleNamespace(duration_s=s, energy_wh=s, p_reserve=p, distance_m=s) for s in seconds]
         by_road = dict(zip((id(road.road) for road in found.roads), wholes, strict=True))
         monkeypatch.setattr(RoadForecast, "whole", lambda self, reserve, by=by_road: by[id(self.road)])
         first, other = planning._label_roads([*found.roads], 0.1)
@@ -572,10 +581,11 @@ def test_who_is_low_drives_to_a_station_off_the_road_that_is_surely_reached(mode
 def test_random_journeys_do_not_contradict_themselves():
     for answer in journeys(10, seed=3):
         assert list(contradictions(answer)) == []
-        stop = {"charging_s": 60.0, "soc_leave": 0.2, "soc_arrival": 0.3, "position_m": 0.0}
+        stop = {"charging_s": 60.0, "pause_s": 90.0}
+        stop |= {"soc_leave": 0.2, "soc_arrival": 0.3, "position_m": 0.0}
         wrong = answer | {"charging_alternatives": [WRONG_PLAN | {"stops": [stop]}]}
         is_low = answer["roads"][0]["forecast"]["series"]["displayed_soc"][0] < answer["reserve"]
-        assert len(list(contradictions(wrong))) == 5 - is_low  # who is low charges at a station at the start
+        assert len(list(contradictions(wrong))) == 7 - is_low  # who is low charges at a station at the start
 
 
 def test_a_station_at_the_start_is_no_stop_on_the_way(model):

@@ -359,7 +359,6 @@ def charging(answer: dict[str, Any], label: str, leave: float, minutes: float) -
         "p_reserve": 0.97,
         "soc_arrival": leave - 0.03,
         "soc_interval": [leave - 0.05, leave - 0.01],
-        "soc_needed": None,
         "driving_s": driving,
         "charging_s": stopped,
         "duration_s": driving + stopped,
@@ -453,9 +452,9 @@ def test_who_charges_at_the_start_drives_nowhere_first_and_a_doubtful_charge_is_
     todo = page.locator(".todo:not(.old) li", has_text="Halbweg")
     todo.wait_for()
     told = todo.inner_text().replace("\u00a0", " ")
-    first, second = told.split(" No other ")
+    first, second = told.split(" If it is ")
     assert first == "Charge here, at “Halbweg”, for 12 min, from 13 % to 45 %."
-    assert second == "charging station is more likely to be reached."
+    assert second == "occupied, no other station helps."
     label = page.locator(".verdict .arrival .label").inner_text()
     assert label == "Battery on arrival, if you reach the charging stop"
     assert page.locator(".headline ~ .todo").count() == 1

@@ -128,14 +128,14 @@ const de: Text = {
       `Mit ${soc} losfahren: Ankunft mit etwa ${expected}, bei 19 von 20 Fahrten mindestens ${reserve}.`,
     justEnough: (soc, spares) =>
       `${soc} reichen${spares ? ", viel Spielraum bleibt nicht" : ". Weniger wäre zu knapp"}.`,
-    leaveWithStops: (soc) => `Mit mindestens ${soc} losfahren: dann reicht es mit diesen Stopps.`,
+    leaveWithStops: (soc) => `Wenn Sie vorher laden: auf ${soc} oder mehr, dann weiter mit Ladestopps.`,
     leaveWithout: (soc) => `Oder mit ${soc} losfahren und ohne Ladestopp ankommen.`,
     notEnough: "Auch eine volle Batterie reicht nicht: Laden Sie unterwegs.",
     anyCharge: (reserve) => `Jeder Ladestand reicht: bei 19 von 20 Fahrten bleiben mindestens ${reserve}.`,
     chargeFirst: (soc, isLow) =>
       `Wenn Sie hier laden können: auf ${soc} vor der Abfahrt.${isLow ? " Sonst rufen Sie Hilfe." : ""}`,
     noStations: "Diese Karte hat keine Ladestationen.",
-    noStopHelps: "Es wurde kein Ladestopp gefunden, mit dem Sie ankommen.",
+    noStopHelps: "Mit dieser Ladung wurde kein Ladestopp gefunden, mit dem Sie ankommen.",
     evenFull: (full, chance, isNever) => `Selbst ${full} reichen ${isNever ? "" : "nur "}bei ${chance}.`,
     best: (action, chance) =>
       `${action}: Dann kommen ${chance} an, mit Ladestopps. Stellen Sie es bei den Bedingungen ein, um zu sehen, wo.`,
@@ -180,7 +180,7 @@ const de: Text = {
     neededBelow: (soc) => `nur nötig, wenn Sie dort weniger als ${soc} haben`,
     ifFull: (station, arrival, more, chance) =>
       `Falls besetzt: ${station}, erreicht mit ${arrival} (${chance}), ${more}.`,
-    noOther: "Keine andere Ladestation ist wahrscheinlicher erreichbar.",
+    noOther: "Ist sie besetzt, hilft keine andere Ladestation.",
     sameTime: "gleich schnell",
     longer: (time) => `${time} länger`,
     sameEnergy: "gleiche Energie",

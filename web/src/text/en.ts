@@ -122,14 +122,14 @@ export const en = {
       `Leave with ${soc}: about ${expected} on arrival, at least ${reserve} in 19 of 20 trips.`,
     justEnough: (soc: string, spares: boolean) =>
       `${soc} is enough${spares ? ", with little to spare" : ". Do not leave with less"}.`,
-    leaveWithStops: (soc: string) => `Leave with at least ${soc}: then you arrive with these stops.`,
+    leaveWithStops: (soc: string) => `If you can, charge to ${soc} or more first; then go with stops.`,
     leaveWithout: (soc: string) => `Or leave with ${soc} and drive without a stop.`,
     notEnough: "Even a full battery is not enough: charge on the way.",
     anyCharge: (reserve: string) => `Any charge is enough to arrive with ${reserve} in 19 of 20 trips.`,
     chargeFirst: (soc: string, isLow: boolean) =>
       `If you can charge here: to ${soc} before you set out.${isLow ? " Otherwise call for help." : ""}`,
     noStations: "This map has no charging stations.",
-    noStopHelps: "No charging stop was found with which you arrive.",
+    noStopHelps: "With this charge, no charging stop was found with which you arrive.",
     evenFull: (full: string, chance: string, isNever: boolean) =>
       `Even ${full} is enough in ${isNever ? "" : "only "}${chance}.`,
     best: (action: string, chance: string) =>
@@ -175,7 +175,7 @@ export const en = {
     neededBelow: (soc: string) => `only needed if you have less than ${soc} there`,
     ifFull: (station: string, arrival: string, more: string, chance: string) =>
       `If it is full: ${station}, reached with ${arrival} (${chance}), ${more}.`,
-    noOther: "No other charging station is more likely to be reached.",
+    noOther: "If it is occupied, no other station helps.",
     sameTime: "same time",
     longer: (time: string) => `${time} longer`,
     sameEnergy: "same energy",

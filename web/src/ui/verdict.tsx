@@ -225,7 +225,6 @@ function leaveText(needed: number, of: Forecast, isLow: boolean): string {
   const { journey: words } = text.value;
   const left = shown(requested.value.at.reserve, PERCENT);
   const now = of.series.displayed_soc[0] as number;
-  if (chargingPlan.value) return words.leaveWithout(upwards(needed));
   if (needed > 1) return words.notEnough;
   if (needed <= 0) return words.anyCharge(left);
   const full = shown(1, PERCENT);
@@ -270,13 +269,12 @@ function StopText({ of, fromM }: { of: Stop; fromM: number }) {
   const { journey: words } = text.value;
   const time = words.inPause(span(of.charging_s), of.pause_s > 0);
   const [arrival = "", leave = ""] = [of.soc_arrival, of.soc_leave].map((soc) => shown(soc, PERCENT));
-  const at = clockAfter(of.arrives_after_s);
   const isHere = of.position_m < HERE_M;
   return (
     <>
       {isHere ? words.chargeHere : words.driveTo(farText(of.position_m - fromM))}
       <StationLink of={of.station} />
-      {(isHere ? words.forHere : words.forThere)(time, arrival, leave, ...at)}
+      {(isHere ? words.forHere : words.forThere)(time, arrival, leave, ...clockAfter(of.arrives_after_s))}
     </>
   );
 }
@@ -286,7 +284,7 @@ function Stops({ of }: { of: ChargingPlan }) {
   const [first, ...others] = of.stops;
   const { journey: words } = text.value;
   const plans = chargingPlans.value;
-  const fewer = plans.find((plan) => plan.stops.length < of.stops.length);
+  const fewer = plans.find((plan) => plan.stops.length < of.stops.length && plan.duration_s > of.duration_s);
   if (!first) return null;
   const charger = chargerParts(first.station).join(", ");
   const isRescue = reasonOfJourney() === BELOW;
@@ -356,6 +354,8 @@ function ToDo({ of }: { of: Forecast }) {
   const { soc_needed: ofFirst, motorway_speed_m_s: speed = null } = journey.value ?? {};
   // what the service says of the charge is about the first road
   const needed = isJourney ? (chosenRoad.value === 0 ? ofFirst : undefined) : leaving.value?.soc_needed;
+  const withStops = (isJourney && chosenRoad.value === 0 && journey.value?.soc_needed_with_stops) || 2;
+  const stopsHelp = withStops <= 1 && withStops < (needed ?? 2);
   const plan = chargingPlan.value;
   if ((needed === undefined && !plan && !isStuck.value) || driving.value || mode.value !== "plan")
     return null;
@@ -369,13 +369,13 @@ function ToDo({ of }: { of: Forecast }) {
   const helps = advice.value?.singly.filter(({ whole }) => isStuck.value && whole && whole.charges > 0) ?? [];
   const [best] = helps.sort((one, other) => other.p_arrive - one.p_arrive);
   const texts = [
-    leaves && leaveText(needed, of, isLow),
-    isStuck.value && isLow && !leaves && words.callHelp,
+    stopsHelp && words.leaveWithStops(upwards(withStops)),
+    leaves && (plan || stopsHelp ? words.leaveWithout(upwards(needed)) : leaveText(needed, of, isLow)),
+    isStuck.value && isLow && (!leaves || stopsHelp) && words.callHelp,
     isStuck.value && trip.value?.stops?.[0] && (
       <NoStop of={trip.value} from={trip.value.stops[0]} isShort={(needed ?? 0) > 1} />
     ),
     best?.whole && words.best(togetherText(best), chanceInFigures(best.whole.p_reserve)),
-    plan && (plan.soc_needed ?? 2) <= 1 && !isLow && words.leaveWithStops(upwards(plan.soc_needed ?? 0)),
     needed !== undefined &&
       isJourney &&
       !!speed &&

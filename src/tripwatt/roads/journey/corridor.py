@@ -34,8 +34,8 @@ CERTAIN: Final = 0.95
 """Chance to have the reserve at every stop and at the end: "19 of 20 journeys"."""
 _DETOUR_M: Final = 3000.0
 """Stations farther from the road than this are not used: a choice, because there are nearer ones beside long roads."""
-_RESCUE_M: Final = 20_000.0
-"""Who leaves below the reserve may also drive to a station this far from the start [m]: a choice, about what 8 % of a small battery last."""
+FARTHEST_M: Final = 20_000.0
+"""The same if no station within `_DETOUR_M` helps, or the car leaves below the reserve: a choice, about the way of 8 % of a small battery."""
 _WALK_M: Final = 500.0
 """Distance of a station from the place of a pause at which the car charges during the pause [m]: a choice, a short walk."""
 _POINT_EVERY_M: Final = 500.0
@@ -156,6 +156,8 @@ class Corridor:
         Reserve and rules of charging.
     via : tuple of Place
         Places on the way, which lie at `road.stop_position_m`. The car has to charge at those of the kind `STATION_KIND`.
+    detour_m : float
+        Farthest distance of a station from the road.
     """
 
     forecaster: RoadForecaster
@@ -164,6 +166,7 @@ class Corridor:
     atlas: Atlas
     options: JourneyOptions
     via: tuple[Place, ...] = ()
+    detour_m: float = _DETOUR_M
     routed: dict[tuple[int, int], Leg | None] = field(default_factory=dict, init=False)
     _leg_needs: dict[tuple[Leg, float, float], tuple[float, float]] = field(default_factory=dict, init=False)
 
@@ -192,10 +195,7 @@ class Corridor:
         for start, end in pairwise((0.0, *self.road.stop_position_m, self.road.distance_m)):
             position = np.append(np.arange(start, end, _POINT_EVERY_M), end)
             points = [self.road.place_at(float(at)) for at in position]
-            beside = near(stations, points, _DETOUR_M)
-            around = near(stations, points[:1], _RESCUE_M) if is_low and not start else []
-            elsewhere = dict(around).keys() - dict(beside).keys()
-            for index, point in (*((index, 0) for index in sorted(elsewhere)), *beside):
+            for index, point in near(stations, points, FARTHEST_M if is_low else self.detour_m):
                 usable = stations[index].usable_with(self.plugs, self.curve.most_w)
                 at = float(position[point])
                 if usable is None or any(_is_at(station, usable) for station in self.options.avoid):

@@ -24,7 +24,7 @@ from tripwatt.roads.journey.forecasting import (
     is_motorway,
     with_expected_times,
 )
-from tripwatt.roads.journey.plans import BEST_EFFORT, fastest_plan, find_plans
+from tripwatt.roads.journey.plans import BEST_EFFORT, fastest_plan, find_plans, helps
 from tripwatt.roads.journey.stops import ENERGY_BAND, LINE_DIGITS, SAME_TIME_S, ChargingPlan, Leg, with_stops
 from tripwatt.roads.journey.verdict import Advice, Verdict
 from tripwatt.roads.routers import Road
@@ -201,6 +201,9 @@ class Journey:
         Text that has to be shown beside the road.
     corridor : Corridor or None
         The stations from which stops were or would be chosen; None if no stop is needed.
+    soc_needed_with_stops : float or None
+        If no plan with stops arrives, the displayed charge to leave with so that one does; None if one arrives, no stop is needed or there is
+        no station. A value above 1 means that a full battery does not suffice.
 
     Examples
     --------
@@ -220,6 +223,7 @@ class Journey:
     flags: tuple[Flag, ...] = ()
     attribution: str = ""
     corridor: Corridor | None = None
+    soc_needed_with_stops: float | None = None
 
     @property
     def forecast(self) -> Forecast:
@@ -230,10 +234,8 @@ class Journey:
     def verdict(self) -> Verdict:
         """Verdict on the whole journey, with its stops to charge if they are needed and help."""
         slower: Advice = "none" if self.speed is None or self.speed.speed_m_s is None else "slower"
-        with_stops_soc = self.charging and self.charging.soc_needed
-        advice_else: Advice = (
-            "charge_before" if min(self.soc_needed, with_stops_soc or 2.0) <= 1.0 else slower
-        )
+        needed = min(self.soc_needed, self.soc_needed_with_stops or 2.0)
+        advice_else: Advice = "charge_before" if needed <= 1.0 else slower
         return Verdict.from_plan(self.roads[0].whole(self.reserve), advice_else)
 
     @property
@@ -274,6 +276,7 @@ class Journey:
             "arrives": verdict.arrives,
             "p_arrive": verdict.p_reserve,
             "soc_needed": self.soc_needed,
+            "soc_needed_with_stops": self.soc_needed_with_stops,
             "leave": self.leave,
             "costs_wh": dict(self.costs_wh),
             "motorway_speed_m_s": None if self.speed is None else self.speed.speed_m_s,
@@ -504,9 +507,9 @@ def journey_with(
     order = _order([road.whole(options.reserve) for road in roads], is_planned)
     chosen = corridors.get(order[0])
     plans = find_plans(chosen) if chosen else ()
-    if roads[order[0]].forecast.p_arrive(options.reserve) >= CERTAIN:
-        # too full to charge at the station that was chosen
-        plans = tuple(plan for plan in plans if plan.label != BEST_EFFORT)
+    with_stops = plans[0].soc_needed if plans else None
+    without = roads[order[0]].forecast.p_arrive(options.reserve)
+    plans = tuple(plan for plan in plans if helps(plan, without))
     roads[order[0]] = replace(roads[order[0]], charging=next(iter(plans), None))
     forecasts = _label_roads([roads[k] for k in order], options.reserve)
     first = forecasts[0]
@@ -518,9 +521,9 @@ def journey_with(
         return journey
     speed = _speed_advice(forecaster, first, options.reserve)
     journey = replace(journey, speed=speed, charging_alternatives=plans[1:])
-    if plans or (options.charge and first.forecast.p_arrive(options.reserve) < CERTAIN):
+    if plans or (options.charge and without < CERTAIN):
         flags = (*noted, *_charging_flags(chosen, plans))
-        journey = replace(journey, corridor=chosen, flags=flags)
+        journey = replace(journey, corridor=chosen, flags=flags, soc_needed_with_stops=with_stops)
     costs = [_leg_costs(leg, forecaster) for leg in first.whole(options.reserve).legs]
     return replace(journey, costs_wh={cause: sum(cost[cause] for cost in costs) for cause in costs[0]})
 
@@ -575,7 +578,7 @@ def _label_roads(roads: list[RoadForecast], reserve: float) -> tuple[RoadForecas
     sure = [k for k, one in enumerate(wholes) if one.p_reserve >= max(0.5, min(CERTAIN, wholes[0].p_reserve))]
     index_by_label = {
         "fastest": 0,
-        "shortest": int(np.argmin([road.road.distance_m for road in roads])),
+        "shortest": int(np.argmin([whole.distance_m for whole in wholes])),
         "least energy": min(sure, key=lambda k: wholes[k].energy_wh, default=None),
     }
     return tuple(

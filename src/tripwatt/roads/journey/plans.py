@@ -15,7 +15,7 @@ from typing import Final
 import numpy as np
 
 from tripwatt.forecasting.leaving import soc_needed
-from tripwatt.roads.journey.corridor import CERTAIN, Corridor
+from tripwatt.roads.journey.corridor import CERTAIN, FARTHEST_M, Corridor
 from tripwatt.roads.journey.solver import StopPlan, StopProblem, least_time
 from tripwatt.roads.journey.stops import SAME_TIME_S, ChargingPlan, ChargingStop, NextStation
 
@@ -49,12 +49,13 @@ def find_plans(corridor: Corridor) -> tuple[ChargingPlan, ...]:
 
     A stop less may take `SAME_TIME_S` more in the fastest plan, which so has the fewest stops of plans that are about as fast.
 
-    If no plan has the required chance, the result is only the plan with the highest chance to reach a first station, or empty if no
-    station helps.
+    If no plan has the required chance, the result is only that of `_best_effort`, or empty if no station is in reach of a full battery.
     """
     first, risk = _best_certain_plan(corridor, "fastest", _LEG_RISKS[1])
+    if first is None and corridor.detour_m < FARTHEST_M:
+        return find_plans(replace(corridor, detour_m=FARTHEST_M))
     if first is None:
-        return _best_effort_plans(corridor)
+        return tuple(filter(None, [_best_effort(corridor)]))
     fewest, _ = _best_certain_plan(corridor, "fewest stops", risk)
     cheapest, _ = _best_certain_plan(corridor, "cheapest", risk)
     # a choice: the safest plan takes at most a quarter longer than the fastest
@@ -77,7 +78,10 @@ def _cost_s(corridor: Corridor, plan: ChargingPlan) -> float:
 def fastest_plan(corridor: Corridor) -> ChargingPlan | None:
     """Find the fastest plan with stops by the first search alone, else the plan of best effort; returns None if no station helps."""
     certain, _ = _best_certain_plan(corridor, "fastest", _LEG_RISKS[1])
-    return certain or next(iter(_best_effort_plans(corridor)), None)
+    if certain is None and corridor.detour_m < FARTHEST_M:
+        return fastest_plan(replace(corridor, detour_m=FARTHEST_M))
+    plan = certain or _best_effort(corridor)
+    return plan if plan and helps(plan, corridor.forecast.p_arrive(plan.reserve)) else None
 
 
 def _best_certain_plan(corridor: Corridor, label: str, risk: float) -> tuple[ChargingPlan | None, float]:
@@ -118,24 +122,28 @@ def _safest_plan(corridor: Corridor, max_s: float) -> ChargingPlan | None:
     return None
 
 
-def _best_effort_plans(corridor: Corridor) -> tuple[ChargingPlan, ...]:
-    """Return the plan with the highest chance to reach its first station, in a tuple.
-
-    Returns an empty tuple if the plan is not better than driving without a stop, or if the battery is more likely to run empty than not.
-    """
+def _best_effort(corridor: Corridor) -> ChargingPlan | None:
+    """Return the plan with the highest chance to reach its first station, with the charge that it needs at the start; None without a stop."""
     reserve, chances = corridor.options.reserve, _SAFEST_CHANCES[-2]
     optimum = corridor.optimum(chances, BEST_EFFORT)
     if optimum is None or len(optimum.nodes) < 3:
-        return ()
+        return None
     plan = ChargingPlan(BEST_EFFORT, (), corridor.legs_of(optimum), reserve)
-    if plan.p_reserve <= corridor.forecast.p_arrive(reserve) or plan.p_arrive < 0.5:
-        return ()
     plan = _with_stops(corridor, plan, optimum, chances)
     if plan.p_reserve >= CERTAIN:  # the other legs make up for the first
-        return (replace(plan, label="fastest"),)
-    first, chance = plan.legs[0], 1.0 - (1.0 - CERTAIN) / len(plan.legs)
+        return replace(plan, label="fastest")
+    first, chance = plan.legs[0], min(CERTAIN / math.prod(plan.leg_chances[1:]), chances[0])
     needed = soc_needed(first.forecast, min(reserve + first.preheat_soc, 1.0), chance)
-    return (replace(plan, soc_needed=needed),)
+    return replace(plan, soc_needed=needed)
+
+
+def helps(plan: ChargingPlan, p_without: float) -> bool:
+    """Return whether to drive a plan: if it is certain, or of best effort and better than no stop with the chance `p_without`.
+
+    The battery may run empty with 1 in 2 for who leaves below the reserve, else with 1 in 10, since the car can charge before it leaves.
+    """
+    least = 0.5 if plan.leaves_below_reserve else 0.9
+    return plan.label != BEST_EFFORT or (p_without < min(plan.p_reserve, CERTAIN) and plan.p_arrive >= least)
 
 
 def _with_stops(

@@ -161,8 +161,7 @@ def _choose_targets(forecaster: RoadForecaster, start: Place, atlas: Atlas) -> t
         south, west, north, east = atlas.bounds_deg
         corners = [Place(lat, lon) for lat in (south, north) for lon in (west, east)]
         farthest_m = min(farthest_m, max(start.distance_m(corner) for corner in corners))
-    minutes = farthest_m / _SLOW_ROAD_M_S / 60.0
-    outline = atlas.router.outline(start, min(minutes, LONGEST_CONTOUR_MIN))
+    outline = atlas.router.outline(start, min(farthest_m / _SLOW_ROAD_M_S / 60.0, LONGEST_CONTOUR_MIN))
     if not outline:
         return tuple(start.moved(k * 360.0 / _DIRECTIONS, farthest_m) for k in range(_DIRECTIONS))
     return _farthest_in_each_direction(start, outline)

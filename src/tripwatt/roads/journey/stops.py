@@ -305,8 +305,7 @@ class ChargingPlan:
 
     def _joint(self, chances: Sequence[float]) -> float:
         chance = joint_chance(np.array(chances), np.array([leg.common_share for leg in self.legs]))
-        most = 1.0 if all(leg.forecast.climbing is None for leg in self.legs) else MOST_CERTAIN
-        return min(chance, most)
+        return min(chance, 1.0 if all(leg.forecast.climbing is None for leg in self.legs) else MOST_CERTAIN)
 
     @property
     def soc_arrival(self) -> float:
@@ -431,7 +430,6 @@ class ChargingPlan:
             "stops": [stop.to_dict() for stop in self.stops],
             **{name: getattr(self, name) for name in JOURNEY_FIELDS},
             "soc_interval": list(self.soc_interval),
-            "soc_needed": self.soc_needed,
             "energy_interval_wh": series[list(ENERGY_BAND)].iloc[-1].tolist(),
             "by_cause_wh": self.by_cause_wh,
             "battery_loss_wh": self.battery_loss_wh,
@@ -442,11 +440,10 @@ class ChargingPlan:
 
 def with_stops(difference: Difference, one: ChargingPlan, other: ChargingPlan) -> Difference:
     """Return the difference of two forecasts of one car with the time and energy of the stops to charge of each journey."""
-    ours, theirs = one.by_cause_wh, other.by_cause_wh
     return replace(
         difference,
         energy_wh=one.energy_wh - other.energy_wh,
         duration_s=one.duration_s - other.duration_s,
         soc_arrival=one.soc_arrival - other.soc_arrival,
-        by_cause_wh={cause: wh - theirs[cause] for cause, wh in ours.items()},
+        by_cause_wh={cause: wh - other.by_cause_wh[cause] for cause, wh in one.by_cause_wh.items()},
     )

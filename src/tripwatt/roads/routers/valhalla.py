@@ -146,8 +146,7 @@ class ValhallaRouter:
         RemoteError
             If the router does not answer.
         """
-        tile = {"tile": {"z": zoom, "x": column, "y": row}}
-        return b"" if self.ask_tile is None else self.ask_tile(tile)
+        return b"" if self.ask_tile is None else self.ask_tile({"tile": {"z": zoom, "x": column, "y": row}})
 
     def _request_trips(self, stops: Sequence[Place], options: dict[str, Any]) -> list[Node]:
         """Request a route with options; return its trip and those of at most `MAX_ROUTES` alternatives."""

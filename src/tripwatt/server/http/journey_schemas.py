@@ -376,8 +376,6 @@ class ChargingDocument(JourneyTotals):
     """on the road [s]"""
     charging_s: float
     """at stations, with overheads [s]"""
-    soc_needed: float | None
-    """charge to leave with, so that the plan has the chance of 0.95; null if it has, above 1 if a full battery does not suffice"""
     label: Literal["fastest", "fewest stops", "safest", "cheapest", "best effort"]
     stops: list[ChargingStop]
     energy_interval_wh: list[float]
@@ -426,6 +424,8 @@ class PlanResponse(schemas.ResponseModel):
     """`p_reserve` of `verdict`: with the reserve at every stop and at the end; `p_arrive` of `verdict` is another one"""
     soc_needed: float
     """displayed state of charge to leave with, to arrive with the reserve in 19 of 20 trips; above 1: a full battery does not suffice; 0: any charge does"""
+    soc_needed_with_stops: float | None
+    """the same with stops to charge, if no plan with stops arrives as it is"""
     leave: str
     """`soc_needed` as an English sentence"""
     costs_wh: dict[str, float]
