@@ -217,10 +217,9 @@ def test_new_vehicles_drive_the_routes_in_turn_beside_the_others(fleet, routes):
     nights = {
         name: [[replace(trip, road=40.0) for trip in day] for day in days] for name, days in routes.items()
     }
+    library = [*library_candidates(["vw_id3"])]
     alone = choose(fleet[2], nights, [], TEMPERATE, days=100.0)
-    more = choose(
-        fleet[2], nights, ["vw_id3"], TEMPERATE, new={"vw_id3": 3.0, "renault_r5_52": 1}, days=100.0
-    )
+    more = choose(fleet[2], nights, library, TEMPERATE, new={"vw_id3": 3.0, "renault_r5_52": 1}, days=100.0)
     kept = [row for row in more["choices"] if row["car"].startswith("V0")]
     of_fleet = ("chance", "soc_needed", "energy_wh", "is_assigned")
     assert [[r[n] for n in of_fleet] for r in kept] == [[r[n] for n in of_fleet] for r in alone["choices"]]
@@ -237,7 +236,7 @@ def test_new_vehicles_drive_the_routes_in_turn_beside_the_others(fleet, routes):
     assert {row["vehicles"] for row in now} == {2}
     assert {row["vehicles"] for row in later} == {6}
     assert all(a["chargers"] <= b["chargers"] for a, b in zip(now, later, strict=True))
-    assert choose(None, nights, ["vw_id3"], TEMPERATE)["chargers"] == []
+    assert choose(None, nights, library, TEMPERATE)["chargers"] == []
     for new, where in (
         ({"nobody": 1}, "nobody"),
         ({"vw_id3": 0}, "new vw_id3"),

@@ -26,7 +26,7 @@ BUDGETS: Final[Mapping[str, int]] = {
     "core": 20_448,
     "roads": 4_448,
     "server": 5_986,
-    "fleet": 2_977,
+    "fleet": 2_976,
     "study": 4_653,
     "gamm": 3_865,
 }

@@ -379,10 +379,11 @@ def choose(
     if registry is None:
         require_effect({"--new": new or None, "--grid": grid}, "only together with --registry")
     fleet = None if registry is None else _registry(registry).load()
+    library = [*choice.library_candidates(car or [], fleet is not None)]
     of_year, driven = choice.Climate.read(climate or routes), choice.read_routes(routes)
     asked: dict[str, Any] = {"probability": probability, "reserve": reserve, "days": days, "price": price}
     asked |= {"grid_w": grid and 1e3 * grid, "new": assignments(new or [], "--new")}
-    document = choice.choose(fleet, driven, car or [], of_year, **asked)
+    document = choice.choose(fleet, driven, library, of_year, **asked)
     if out is not None:
         write_text(csv_text(pd.DataFrame(document["choices"])), out)
     unserved = any(row["smallest"] is None for row in document["choices"])

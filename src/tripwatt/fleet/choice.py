@@ -160,8 +160,13 @@ def fleet_candidates(fleet: FleetModel, new: Sequence[str] = ()) -> Iterator[Can
     yield from (Candidate(f"new {car}", fleet.of_vehicle(None, car_model=car)) for car in new)
 
 
-def library_candidates(names: Sequence[str]) -> Iterator[Candidate]:
-    """Yield cars of the library, of TOML files, and of a kind of body, such as "van", by the model that comes with the package."""
+def library_candidates(names: Sequence[str], has_fleet: bool = False) -> Iterator[Candidate]:
+    """Yield cars of the library, of TOML files, and of a kind of body, such as "van", by the model that comes with the package.
+
+    Without a fleet, at least one name has to be given.
+    """
+    if not (names or has_fleet):
+        raise InvalidInput.of("no vehicles", "--registry, --car", "neither", "one of them", "--car van")
     for name in names:
         bodies = ((car, cell.value) for car in table_names() for cell in catalogue()[car].get("body", ()))
         of_body = [car for car, body in bodies if body == name] if name in BODIES else [name]
@@ -414,7 +419,7 @@ def least_chargers(needs: pd.DataFrame, depot: Depot) -> dict[str, Any]:
 
 
 def choose(
-    fleet: FleetModel | None, routes: Routes, cars: Sequence[str], climate: Climate, *, new: Mapping[str, Any] | None = None,
+    fleet: FleetModel | None, routes: Routes, library: Sequence[Candidate], climate: Climate, *, new: Mapping[str, Any] | None = None,
     grid_w: float | None = None, days: float = 250.0, price: float = 0.3, **asked: float,
 ) -> dict[str, Any]:  # fmt: skip
     """Choose vehicles for routes and count their chargers, as data.
@@ -424,8 +429,8 @@ def choose(
     fleet : FleetModel or None
         Without a fleet, no chargers are counted and there are no new vehicles.
     routes : Routes
-    cars : sequence of str
-        As for `library_candidates`.
+    library : sequence of Candidate
+        From `library_candidates`; with at least one if there is no fleet.
     climate : Climate
     new : mapping of str to number, optional
         Car of the library -> number, 1 to `MOST_NEW`, of more vehicles of the fleet, which drive the routes in turn, beside the others.
@@ -444,14 +449,11 @@ def choose(
     Raises
     ------
     InvalidInput
-        If there is no vehicle, a car is not known, or a number is out of range.
+        If a car is not known, or a number is out of range.
     """
     by_car = [(car, int(require_number(f"new {car}", n, 1, MOST_NEW))) for car, n in (new or {}).items()]
     of_fleet = [] if fleet is None else fleet_candidates(fleet, [car for car, _ in by_car])
-    candidates = [*library_candidates(cars), *of_fleet]
-    if not candidates:
-        raise InvalidInput.of("no vehicles", "--registry, --car", "neither", "one of them", "--car van")
-    table = choices(routes, candidates, climate, days=days, price=price, **asked)
+    table = choices(routes, [*library, *of_fleet], climate, days=days, price=price, **asked)
     if fleet is None:
         return {"choices": records(table), "chargers": [], "new": None}
     driven: list[Driven] = [(row["route"], row["car"], None) for row in records(table[table["is_assigned"]])]

@@ -115,7 +115,25 @@ class LinkRoute:
         return self.duration_s + sum(pause.duration_s for pause in self.pauses)
 
     def paused_s(self, position_m: FloatArray) -> FloatArray:
-        """Time of the pauses before each position [s], in the shape of `position_m`, or 0 without a pause."""
+        """Add up the pauses before each position.
+
+        Parameters
+        ----------
+        position_m : ndarray
+            Distances from the start [m].
+
+        Returns
+        -------
+        ndarray
+            Time [s], in the shape of `position_m`, or 0 without a pause.
+
+        Examples
+        --------
+        >>> from tripwatt.routes import route_from_links
+        >>> route = route_from_links([{"length_m": 3000.0, "speed_m_s": 15.0}])
+        >>> replace(route, pauses=(Pause(1000.0, 600.0),)).paused_s(np.array([500.0, 2000.0])).tolist()
+        [0.0, 600.0]
+        """
         parts = (pause.duration_s * (position_m > pause.position_m) for pause in self.pauses)
         return np.asarray(sum(parts, 0.0))
 
