@@ -118,7 +118,7 @@ def test_a_road_without_a_station_is_no_advice_for_an_almost_empty_battery(model
     class Apart(MadeRouter):
         def roads(self, stops: Sequence[Place], *, alternatives: int = 0) -> tuple[Road, ...]:
             fast, *_ = super().roads(stops)
-            return (fast, straight(A, B, 80.0, factor=0.9, south_deg=0.3))[: 1 + alternatives]
+            return (fast, straight(A, B, 80.0, factor=0.9, south_deg=0.6))[: 1 + alternatives]
 
     atlas = replace(MADE, router=Apart(), stations=(replace(MADE.stations[0], longitude_deg=9.2),))
     found = journey(model, replace(COLD, soc=0.6), atlas=atlas, alternatives=1)

@@ -523,6 +523,7 @@ def test_the_figures_of_a_way_back_are_those_of_its_end(page: Any, expected: lis
 def test_who_reaches_no_station_is_told_not_to_set_out_and_then_what_to_do(page: Any) -> None:
     def without_stops(route: Any) -> None:
         answer = route.fetch().json() | {"charging": None, "charging_alternatives": [], "soc_needed": 0.3}
+        answer["soc_needed_with_stops"] = with_stops
         answer["roads"] = [road | {"charging": None} for road in answer["roads"]]
         route.fulfill(json=answer)
 
@@ -535,6 +536,7 @@ def test_who_reaches_no_station_is_told_not_to_set_out_and_then_what_to_do(page:
         ]
         route.fulfill(json={"settlements": [], "stations": places, "attribution": ""})
 
+    with_stops = None
     page.route("**/v1/map/view**", around)
     page.route("**/v1/journeys", without_stops)
     whole_answer(page, lambda: page.get_by_role("slider", name="Battery at departure").fill("1"))
@@ -544,9 +546,18 @@ def test_who_reaches_no_station_is_told_not_to_set_out_and_then_what_to_do(page:
     page.locator(".todo:not(.old) li", has_text="The nearest charging station is").wait_for()
     todo = [words.replace("\u00a0", " ") for words in page.locator(".todo li").all_inner_texts()]
     assert todo[0] == "If you can charge here: to 30 % or more before you set out. Otherwise call for help."
-    told = "No charging stop was .* charging station is Nah, 8.[0-9] km away in a straight line."
+    told = "With this charge, no charging stop was .* charging station is Nah, 8.[0-9] km away in a straight line."
     assert re.fullmatch(told, todo[1])
     assert page.locator(".todo a").get_attribute("href") == "geo:47,9.11"
+    with_stops = 0.221
+    whole_answer(page, lambda: page.get_by_role("slider", name="Battery at departure").fill("2"))
+    page.locator(".todo:not(.old) li", has_text="then go with stops").wait_for()
+    todo = [words.replace("\u00a0", " ") for words in page.locator(".todo li").all_inner_texts()]
+    assert todo[:3] == [
+        "If you can, charge to 23 % or more first; then go with stops.",
+        "Or leave with 30 % and drive without a stop.",
+        "If you cannot charge here, call for help.",
+    ]
     page.unroute("**/v1/journeys")
     page.unroute("**/v1/map/view**")
 

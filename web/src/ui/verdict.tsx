@@ -355,7 +355,6 @@ function ToDo({ of }: { of: Forecast }) {
   // what the service says of the charge is about the first road
   const needed = isJourney ? (chosenRoad.value === 0 ? ofFirst : undefined) : leaving.value?.soc_needed;
   const withStops = (isJourney && chosenRoad.value === 0 && journey.value?.soc_needed_with_stops) || 2;
-  const stopsHelp = withStops <= 1 && withStops < (needed ?? 2);
   const plan = chargingPlan.value;
   if ((needed === undefined && !plan && !isStuck.value) || driving.value || mode.value !== "plan")
     return null;
@@ -363,6 +362,7 @@ function ToDo({ of }: { of: Forecast }) {
   const { journey: words } = text.value;
   const { reserve, soc, departsAt } = conditions.value;
   const isLow = departsAt === null && soc < Math.max(reserve, LOW_SOC);
+  const stopsHelp = withStops <= 1 && withStops < (needed ?? 2) && !(plan && isLow);
   const leaves = needed !== undefined && (!plan || (needed <= 1 && !isLow)) && !(isStuck.value && needed > 1);
   const back = plan || emptyAfterM(of) === null ? turn.value : null;
   const { shown } = format.value;
