@@ -596,3 +596,12 @@ def test_a_station_at_the_start_is_no_stop_on_the_way(model):
     assert [stop.station.name for stop in plan.stops] == ["0.25"]
     alone = journey(model, replace(COLD, soc=0.5), (A, Place(47.0, 9.5)), replace(MADE, stations=near[:1]))
     assert (alone.charging, alone.verdict.advice) == (None, "charge_before")
+
+
+def test_a_battery_that_a_road_beyond_its_range_heats_starts_no_leg_so_hot():
+    smart = tw.for_car(None, "smart_eq_fortwo")
+    departure = tw.Departure(soc=0.9, ambient_temperature_degc=35.0)
+    found = journey(smart, departure, (A, FAR, A), replace(MADE, stations=row(9)))
+    assert found.forecast.drive.simulation.battery_temperature_degc.max() > 80.0
+    assert found.corridor.cell_degc.max() <= 60.0
+    assert found.charging is not None
