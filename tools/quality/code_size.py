@@ -25,7 +25,7 @@ PARTS: Final = ("roads", "server", "fleet", "study", "gamm")
 BUDGETS: Final[Mapping[str, int]] = {
     "core": 20_448,
     "roads": 4_448,
-    "server": 5_986,
+    "server": 5_985,
     "fleet": 2_976,
     "study": 4_653,
     "gamm": 3_865,

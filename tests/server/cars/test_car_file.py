@@ -16,6 +16,7 @@ from tests.support.full_disk import full_disk
 from tests.support.refusals import refuses
 
 from tripwatt.errors import InvalidInput
+from tripwatt.server.cars import car_file
 from tripwatt.server.cars.car_file import (
     FORMAT,
     CarFile,
@@ -150,6 +151,27 @@ def test_a_file_that_a_killed_process_began_is_made_again(tmp_path: Path) -> Non
     file.prepare(lambda db: db.put_settings({"state": "x"}))
     file.prepare(killed)  # not again
     assert file.setting("state") == "x"
+
+
+def test_a_file_that_another_process_makes_at_the_same_time_is_kept(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """No process sees the file before it is in WAL mode, since SQLite does not wait for others to change the mode."""
+    mine, other = CarFile(tmp_path), CarFile(tmp_path)
+    move = car_file.move_new
+
+    def second(new: Path, path: Path) -> None:
+        assert not path.exists()
+        with monkeypatch.context() as patch:
+            patch.setattr(car_file, "move_new", move)
+            assert other.prepare(lambda db: None, {"state": "x"})
+        move(new, path)
+
+    monkeypatch.setattr(car_file, "move_new", second)
+    assert not mine.prepare(lambda db: None, {"state": "y"})
+    assert mine.setting("state") == "x"
+    assert mine.rows("PRAGMA journal_mode") == [("wal",)]
+    assert [path.name for path in tmp_path.iterdir()] == [mine.path.name]
 
 
 def test_nothing_is_written_for_a_car_that_was_erased(file: CarFile) -> None:

@@ -14,12 +14,14 @@ from contextlib import AbstractContextManager, closing, contextmanager, nullcont
 from dataclasses import astuple, dataclass
 from io import BytesIO
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any, Final
 from urllib.parse import quote
 
 import numpy as np
 
 from tripwatt.errors import InvalidInput, damage
+from tripwatt.files import move_new
 from tripwatt.fleet.store.rows import context_values, digest_of, kept_columns, log_from_rows
 from tripwatt.server.cars.telemetry import Sample
 from tripwatt.trips import Log, Recorded
@@ -136,9 +138,9 @@ class CarFile:
         OSError
             When the file cannot be written.
         """
-        self.path.touch(0o600)
+        if not self.path.exists():
+            self._create()
         with self.read() as db:
-            db.execute("PRAGMA journal_mode = WAL")
             (number,) = db.execute("PRAGMA user_version").fetchone()
         if number > FORMAT:
             got, allowed, fix = f"format {number}", f"format {FORMAT}", "install a newer tripwatt"
@@ -154,6 +156,15 @@ class CarFile:
                     return False
                 db.put_settings(settings or {})
         return True
+
+    def _create(self) -> None:
+        # under another name: SQLite does not wait for other connections to enter WAL mode
+        with TemporaryDirectory(prefix=f"{FILE}-", dir=self.path.parent) as folder, suppress(FileExistsError):
+            new = CarFile(Path(folder))
+            new.path.touch(0o600)
+            with new.read() as db:
+                db.execute("PRAGMA journal_mode = WAL")
+            move_new(new.path, self.path)
 
     def keep_open(self) -> None:
         """Use one connection from now on, in one thread at a time, until `close`."""

@@ -210,7 +210,7 @@ def forget_car(folder: Path | str) -> None:
         for place in filter(Path.is_dir, (path, path / older.LIVE)):  # older versions lock the latter
             locks.enter_context(folder_lock(place, CLOSE))
         killed = (path.parent.glob(f".{escape(path.name)}.*{WRITING}"), path.glob(f".*{WRITING}"))
-        files = [path / f"{FILE}{suffix}" for suffix in ("-wal", "-shm", "")]
+        files = [*path.glob(f"{FILE}-*"), path / FILE]
         for part in (*chain(*killed), path / UPLOADS, *older.older_parts(path), *files):
             allowed = "files that can be removed; then erase it again"
             with system_errors("cannot erase the car", f"{part}", allowed):

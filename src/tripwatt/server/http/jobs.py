@@ -12,7 +12,7 @@ from typing import Any, Final, get_type_hints
 from cachetools import LRUCache
 
 from tripwatt.certification import describe_car
-from tripwatt.errors import Fault, InvalidInput, places_named
+from tripwatt.errors import Fault, InvalidInput, places_named, require_one
 from tripwatt.fleet.registry import FollowedModel, is_registry
 from tripwatt.forecasting import Forecast, ForecastModel, load_model
 from tripwatt.forecasting.leaving import leave_with
@@ -26,7 +26,6 @@ from tripwatt.server.http import journey_schemas as journey
 from tripwatt.server.http.car_jobs import CarJobs
 from tripwatt.server.http.car_schemas import NewCarRequest
 from tripwatt.server.http.fleets import (
-    NightRequest,
     follow_registry,
     model_summary,
     night,
@@ -129,11 +128,8 @@ class Jobs:
     def warm_up(self) -> None:
         """Compute one forecast per model, so that the first request takes no longer than the others."""
         plan = Plan.from_trip(sample_trips().trips[0])
-        of_fleets = (
-            vehicle_model(fleet.get(), check_request({}, CarRequest)) for fleet in self.fleets.values()
-        )
-        for model in (*self.models.values(), *of_fleets):
-            model.forecast(plan).to_dict()
+        for name in (*self.models, *self.fleets):
+            self.model_named({"model": name}).forecast(plan).to_dict()
 
     def run(self, kind: str, body: bytes = b"", **parameters: Any) -> dict[str, Any] | bytes:
         """Run a job.
@@ -194,9 +190,7 @@ class Jobs:
             given = {"destination": route["stops"][-1]["name"], **given, "stops": None, "route": route}
         return self.with_road(given)
 
-    def night(self, request: NightRequest) -> dict[str, Any]:
-        """Return the response to a `NightRequest`."""
-        return night(self, request)
+    night = night
 
     def difference(self, request: DifferenceRequest) -> dict[str, Any]:
         """Compare two trips of one car: what both share cancels, and the difference has an interval of its own."""
@@ -236,17 +230,14 @@ class Jobs:
 
     def distance(self, request: journey.NeedQuery, last_message: Known = NOTHING) -> dict[str, Any]:
         """Return the response to a `NeedQuery`."""
-        of_trip, car = request.trip is not None, request.named
-        if (request.distance_km is None) != of_trip or (of_trip and car is None):
-            alone = "a trip without its car" if of_trip else "neither"
-            got = "both a distance and a usual trip" if of_trip and request.distance_km else alone
-            allowed = "a distance, or a trip of a car"
-            raise InvalidInput.of("one of them is needed", "distance_km, trip", got, allowed)
-        trip, distance_km = request.trip, request.distance_km
+        trip, distance_km, car = request.trip, request.distance_km, request.named
+        require_one("distance_km, trip", distance_km, trip)
+        if trip is not None and car is None:
+            raise InvalidInput.of("a trip without its car", "car", "none", "the car of the trip")
         ahead: Any = distance_km if trip is None else self.cars.car(f"{car}").usual_plan(trip)
         asked = request.model_dump(include={"probability", "trips", "reserve", "plug_w"})
         own = car if self.cars.model(car or "") else last_message.get("car")
-        about = {"usual_trip": request.trip} | ({} if own is None else {"car": own})
+        about = {"usual_trip": trip} | ({} if own is None else {"car": own})
         asked["model"] = self.model_of(request)
         return _needed(ahead, request.kind, departure_of(request), last_message, about, **asked)
 
@@ -326,8 +317,7 @@ class Jobs:
     def new_car(self, request: NewCarRequest) -> dict[str, Any]:
         """Make the car of a `NewCarRequest`, and return it."""
         if request.name in (*self.models, *self.fleets):
-            got = f"{request.name}"
-            raise InvalidInput.of("name is taken", "name", got, "another name: a model of the service has it")
+            raise InvalidInput.of("name is taken", "name", request.name, "a name that no model has")
         if isinstance(request.car, str):
             self.require_known("car", request.car)
         car = request.car if isinstance(request.car, str) else describe(request.car)

@@ -12,7 +12,7 @@ from typing import Any, Final
 import orjson
 
 from tripwatt.errors import or_none
-from tripwatt.server.cars.folder import is_car, open_car
+from tripwatt.server.cars.folder import open_car
 from tripwatt.server.http.car_jobs import read_progress, require_folder
 from tripwatt.server.http.pool import JobResult, WorkerPool, cancel_all
 from tripwatt.server.http.problems import Problem
@@ -100,8 +100,7 @@ class LearningCars:
         del self._teaching[car]
 
     def _has_news(self, car: str) -> bool:
-        folder = require_folder(self.settings.cars) / car
-        return is_car(folder) and open_car(folder).has_news
+        return open_car(require_folder(self.settings.cars) / car).has_news
 
     async def learn_finished(self, car: str) -> bool:
         """Learn the trips that a car finished on the road, unless it is learning already; return whether they were learned."""
