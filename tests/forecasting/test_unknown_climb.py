@@ -261,6 +261,19 @@ def test_places_that_climb_steeper_than_any_road_have_a_forecast():
     assert found.energy_wh > forecast(plan, terrain="flat").energy_wh
 
 
+@pytest.mark.parametrize("air_degc", [30.0, 5.0, -25.0])
+def test_an_expected_climb_is_as_uncertain_as_a_known_one(air_degc):
+    """The errors of the trip act on the energy of the climb as well."""
+    links = [{"length_m": 500.0, "speed_m_s": 15.0, "grade": 0.05}] * 60
+    departure = tw.Departure(0.95, air_degc, terrain="flat")
+    places = known_climb(30_000.0, (0.0, 1498.0))
+    hidden, known = (
+        float(np.diff(tw.forecast(plan, departure, car="nissan_leaf_40").interval(0.9))[0])
+        for plan in (replace(road(30.0), climb=places), tw.read_route(links))
+    )
+    assert known < hidden < 1.05 * known
+
+
 def test_the_interval_is_that_of_what_is_known():
     model, plan = tw.load_model(), tw.read_route([{"length_m": 12_000.0, "speed_m_s": 15.0}])
     departure = tw.Departure(soc=0.8, ambient_temperature_degc=15.0, terrain="mountains")
@@ -275,12 +288,14 @@ def test_the_interval_is_that_of_what_is_known():
 def test_on_the_way_the_rest_of_a_known_climb_remains():
     model, plan = tw.load_model(), tw.read_route([{"length_m": 12_000.0, "speed_m_s": 15.0}])
     departure = tw.Departure(soc=0.8, ambient_temperature_degc=15.0, terrain="mountains")
-    drive = model.forecast(
-        replace(plan, climb=known_climb(12_000.0, (0.0, 800.0, 1000.0), 40.0)), departure
-    ).climbing
-    ahead = [float(np.median(drive.ahead(at).offsets_wh[:, -1])) for at in (0.0, 6000.0, 11_900.0)]
-    assert ahead[0] > 3.0 * ahead[1] > ahead[2] > -50.0
-    climbs = drive.net.net_m(np.array([0.0, 6000.0]), 6000.0)
+    before = model.forecast(replace(plan, climb=known_climb(12_000.0, (0.0, 800.0, 1000.0), 40.0)), departure)
+    course, time_s = before.along, np.arange(0.0, 401.0)
+    driven_wh = np.interp(time_s, course.time_s, course.energy_wh)
+    seen = pd.DataFrame({"time_s": time_s, "speed_m_s": 15.0, "observed_energy_wh": driven_wh})
+    rest_wh = before.update_since_departure(seen).energy_wh - driven_wh[-1]
+    assert rest_wh == pytest.approx(course.energy_wh[-1] - driven_wh[-1], rel=0.1)
+    assert rest_wh < 0.4 * course.energy_wh[-1]
+    climbs = before.climbing.net.net_m(np.array([0.0, 6000.0]), 6000.0)
     assert climbs[:, 0].tolist() == [0.0] * len(climbs)
     assert np.median(climbs[:, 1]) == pytest.approx(200.0, abs=1.0)
 

@@ -86,8 +86,8 @@ def test_the_climb_ahead_costs_what_each_piece_of_road_costs_beyond_its_expected
         energy_wh = float(drive.more_wh(climb_m, from_m))
         assert energy_wh == pytest.approx(float(rate((climb_m - usual[-1]) / ahead[-1])) * ahead[-1])
         assert drive.climb_for(energy_wh, from_m) == pytest.approx(climb_m, rel=0.01)
-    assert drive.climb_for(1.01 * float(drive.more_wh(most, from_m)), from_m) == np.inf
-    assert drive.climb_for(1.0, way[-1]) == np.inf
+    assert drive.climb_for(1.01 * float(drive.more_wh(most, from_m)), from_m) is None
+    assert drive.climb_for(1.0, way[-1]) is None
     excess = Excess(ConformalScores.from_errors([0.5, 1.0, 2.0]), found, way)
     assert excess.at(-1).climb.offsets_wh.tolist() == found.offsets_wh[:, -1:].tolist()
     assert excess.at(-1).expected_wh.tolist() == excess.expected_wh[-1:].tolist()

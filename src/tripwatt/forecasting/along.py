@@ -193,12 +193,17 @@ class Along:
             "time_s": self.time_s,
             "distance_m": self.distance_m,
             "energy_wh": self.energy_wh,
-            "energy_low_wh": possible_energy(self.energy_wh, -below, self.min_wh),
-            "energy_high_wh": self.energy_wh + above,
+            "energy_low_wh": self._energy_wh(below),
+            "energy_high_wh": self._energy_wh(above),
             "displayed_soc": middle,
             "displayed_soc_low": low,
             "displayed_soc_high": high,
         }
+
+    def _energy_wh(self, more_wh: FloatArray, at: Any = slice(None)) -> FloatArray:
+        """Energy at edges that is higher than expected by `more_wh`, or lower, but above the least possible one [Wh], shape of `more_wh`."""
+        below = possible_energy(self.energy_wh[at], np.abs(more_wh), self.min_wh[at])
+        return np.asarray(np.where(more_wh < 0.0, below, self.energy_wh[at] + more_wh))
 
     def draws(
         self, normal: FloatArray, own: FloatArray, scenario: FloatArray
@@ -215,10 +220,7 @@ class Along:
             Uniform values from 0 to less than 1 that choose the climb of each draw.
         """
         wh, sd_wh = self.wh_per_display, self.energy_sd_wh
-        more_wh = self.excess.draws(normal, sd_wh, scenario)
-        energy_wh = np.where(
-            more_wh < 0.0, possible_energy(self.energy_wh, -more_wh, self.min_wh), self.energy_wh + more_wh
-        )
+        energy_wh = self._energy_wh(self.excess.draws(normal, sd_wh, scenario))
         charge_sd_wh = self.charge_sd * wh
         share = np.divide(sd_wh, charge_sd_wh, out=np.ones(len(sd_wh)), where=charge_sd_wh > 0.0)
         share = np.minimum(share, 1.0)  # the charge was read later than the energy was measured
@@ -269,10 +271,8 @@ class Along:
         levels, wh = np.array(p, dtype=np.float64), self.wh_per_display
         sd_wh = np.repeat([self.energy_sd_wh[-1], self.charge_sd[-1] * wh], len(p))
         excess_wh = self.excess.at(-1).quantiles(np.concatenate((levels, 1.0 - levels)), sd_wh)
-        half, charge_excess_wh = np.abs(excess_wh[: len(p)]), excess_wh[len(p) :]
-        below = possible_energy(self.energy_wh[-1], half, self.min_wh[-1])
-        energy_wh = np.where(levels >= 0.5, self.energy_wh[-1] + half, below)
-        return energy_wh, np.clip(self.charge[-1] - charge_excess_wh / wh, 0.0, 1.0)
+        more_wh, charge_excess_wh = np.split(excess_wh, 2)
+        return self._energy_wh(more_wh, -1), np.clip(self.charge[-1] - charge_excess_wh / wh, 0.0, 1.0)
 
 
 @dataclass(frozen=True, eq=False)

@@ -14,7 +14,7 @@ from tripwatt.hybrid import PowerCorrector, SegmentTable
 from tripwatt.hybrid.segments import driving_w
 from tripwatt.physics import Simulation
 from tripwatt.physics.batch import energies_on_grades
-from tripwatt.routes.terrain import LOCAL_M, STEEPEST, NetClimbs
+from tripwatt.routes.terrain import LOCAL_M, NetClimbs
 from tripwatt.trips import Plan
 from tripwatt.uncertainty import Segments
 from tripwatt.uncertainty.climb import ClimbingEnergy
@@ -86,11 +86,12 @@ class ExpectedTrip:
         """Yield the plan up to the start of a segment, with its first pauses, and the rest as a trip of a car that has stood for long."""
         plan, run = self.plan, self.simulation
         at = int(np.searchsorted(run.time_s - run.time_s[0], self.edges_s[first] - 1e-6))
+        samples = plan.samples.assign(grade=run.grade)
         cold = replace(plan.departure, **dict.fromkeys(WARM_STATE), bms_soc=float(run.soc[at]))
         for part, departure in ((slice(at + 1), plan.departure), (slice(at, None), cold)):
             wind = plan.weather and replace(plan.weather, headwind_m_s=plan.weather.headwind_m_s[part])
             heading = None if plan.heading_deg is None else plan.heading_deg[part]
-            known = replace(plan, samples=plan.samples.iloc[part], departure=departure, pauses=())
+            known = replace(plan, samples=samples.iloc[part], departure=departure, pauses=())
             yield replace(known, weather=wind, heading_deg=heading, pauses=plan.pauses[:pauses])
             pauses = 0
 
@@ -145,10 +146,9 @@ class ExpectedTrip:
         at = np.interp(self.plan.array("time_s") - self.simulation.time_s[0], self.edges_s, self.distance_m)
         by_turns = np.where((at / LOCAL_M).astype(np.int64) % 2, -1.0, 1.0)
         # a battery that the climb empties takes the energy of the descent, and hills on a climb waste little
-        expected = np.clip(net.known.grade(at), -STEEPEST, STEEPEST) if net.known else 0.0
-        grades = [expected + each for each in (*grade, *np.outer(HILLS, by_turns))]
-        time_s, flat = self.simulation.time_s - self.simulation.time_s[0], self.simulation
-        more_wh = energies_on_grades(self.vehicle, self.plan, flat, grades) - flat.energy_wh
+        grades = [*grade, *np.outer(HILLS, by_turns)]
+        time_s, run = self.simulation.time_s - self.simulation.time_s[0], self.simulation
+        more_wh = energies_on_grades(self.vehicle, self.plan, run, grades) - run.energy_wh
         extra_wh = [np.interp(self.edges_s, time_s, row) for row in more_wh]
         even_wh, hill_wh = np.split(extra_wh, [len(EVEN)])
         hill_wh = np.insert(hill_wh - even_wh[len(EVEN) // 2], 0, 0.0, axis=0)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Final, Protocol
@@ -441,16 +440,15 @@ class Forecast:
             return None
         along = self.along
         spare_wh = (along.charge[-1] - reserve) * along.wh_per_display + along.excess.expected_wh[-1]
-        climb = self.climbing.climb_for(max(float(spare_wh), 0.0), self._climbs_from_m)
-        return climb if math.isfinite(climb) else None
+        return self.climbing.climb_for(float(spare_wh), self._climbs_from_m)
 
     @property
     def soc_per_climb_m(self) -> float | None:
         """Displayed charge used by each metre of climb on the rest of the road [1/m]; None if its heights are known."""
         if self.climbing is None:
             return None
-        more_wh = float(self.climbing.more_wh(100.0, self._climbs_from_m))
-        return more_wh / 100.0 / self.charge.wh_per_display
+        (more_wh,) = np.diff(self.climbing.more_wh(np.array([0.0, 100.0]), self._climbs_from_m))
+        return float(more_wh) / 100.0 / self.charge.wh_per_display
 
     def difference(self, other: Forecast) -> Difference:
         """Compare with another forecast of the same car, driver and day, on this road or another.
@@ -816,15 +814,13 @@ def with_route_error(
         terrain = forecast.plan.departure.terrain or "unknown"
         flags.append(Flag("unknown_climb", terrain, 100.0 * forecast.soc_per_climb_m, "1"))
     flags += (flag for flag in forecast.plan.flags if flag != FLAT_ROAD)
-    if link_m is None:
-        return with_empty_flag(replace(forecast, flags=tuple(dict.fromkeys(flags))))
     route_sd_wh = 0.0
-    if route is None:
+    if route is None and link_m is not None:
         flags.append(Flag("route_error_unknown", "links"))
-    elif forecast.plan.free_flow and free_flow is not None:
+    elif link_m is not None and forecast.plan.free_flow and free_flow is not None:
         route_sd_wh = free_flow.share(forecast.plan.distance_m) * abs(forecast.level_wh)
         flags.append(Flag("free_flow_times", "road"))
-    else:
+    elif link_m is not None and route is not None:
         route_sd_wh = route.share(link_m) * abs(forecast.level_wh)
         if forecast.plan.free_flow:
             flags.append(Flag("travel_time_error_unknown", "road"))

@@ -248,6 +248,6 @@ def _largest_rise(values: FloatArray) -> float:
 
 def _descent_wh(drive: ExpectedTrip) -> float:
     """Potential energy of the largest descent of the road [Wh]."""
-    if not drive.plan.has_road:
-        return _weight_wh_m(drive) * 500.0  # descent that a road of unknown elevation may have [m]
-    return _largest_rise(-running_sum(drive.table.columns["climb_w"] * drive.table.hours))
+    further_m = 0.0 if drive.plan.has_road else 500.0  # descent that a road of unknown elevation may have
+    planned_wh = _largest_rise(-running_sum(drive.table.columns["climb_w"] * drive.table.hours))
+    return planned_wh + _weight_wh_m(drive) * further_m

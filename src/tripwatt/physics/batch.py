@@ -62,7 +62,7 @@ def simulate_trips(pairs: Iterable[Pair]) -> list[Simulation]:
 
 
 def energies_on_grades(
-    vehicle: Vehicle, plan: Plan, flat: Simulation, grades: Sequence[npt.ArrayLike]
+    vehicle: Vehicle, plan: Plan, run: Simulation, grades: Sequence[npt.ArrayLike]
 ) -> FloatArray:
     """Return the cumulative energy of a plan on several roads [Wh], shape (roads, samples), as `simulate_trip` does. O(samples) for each.
 
@@ -73,10 +73,10 @@ def energies_on_grades(
     vehicle : Vehicle
     plan : Plan
         Plan without known heights.
-    flat : Simulation
+    run : Simulation
         Simulation of the same plan.
     grades : sequence of array_like
-        Grade at the samples, or of the whole road.
+        Grade beyond that of the plan, at the samples or of the whole road.
 
     Examples
     --------
@@ -88,11 +88,12 @@ def energies_on_grades(
     True
     """
     drive = drive_of_trip(vehicle, plan)
-    slopes = np.array([np.broadcast_to(grade, drive.time_s.shape) for grade in grades])
+    expected = np.zeros(len(drive.time_s)) if plan.grade is None else plan.grade
+    slopes = np.array([expected + np.asarray(grade) for grade in grades])
     means = np.hstack((slopes[:, :1], 0.5 * (slopes[:, 1:] + slopes[:, :-1])))
     chunks = np.array_split(means, min(len(means), math.ceil(means.size / CHUNK_SAMPLES)))
     trace = Trace.from_samples(drive.time_s, drive.speed_m_s, drive.grade, drive.headwind_m_s)
-    given = drive.conditions, flat.auxiliary_power_w
+    given = drive.conditions, run.auxiliary_power_w
     parts = [unlimited_energy(drive.vehicle, replace(trace, grade=chunk), *given) for chunk in chunks]
     energy_wh, is_sure = map(np.concatenate, zip(*parts, strict=True))
     roads = (replace(plan, samples=plan.samples.assign(grade=slope)) for slope in slopes[~is_sure])

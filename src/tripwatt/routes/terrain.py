@@ -17,14 +17,12 @@ from typing import Final
 import numpy as np
 
 from tripwatt.arrays import FloatArray
-from tripwatt.trips.plan import KnownClimb
+from tripwatt.trips.plan import STEEPEST, KnownClimb
 
 REFERENCE_M: Final = 10_000.0
 """Distance for which the scales of the net climb are given [m]; a choice."""
 GROWTH: Final = 0.6
 """Exponent of the net climb over distance. In logs it falls from 0.8 over some km to 0.4 over tens of km (`python -m benchmarks.climb`)."""
-STEEPEST: Final = 0.2
-"""Largest mean grade of a road over its length, a choice: the steepest streets have up to 0.35, but only over some hundred metres."""
 LOCAL_M: Final = 500.0
 """Length of the hills that a road goes up and down between its ends [m]; a choice."""
 REGION_SCALE_M: Final[Mapping[str, float]] = {"tum": 22.0, "twizy": 82.4}
@@ -106,16 +104,12 @@ class NetClimbs:
         factor = (distance_m / REFERENCE_M) ** GROWTH
         if self.known is not None:
             sd_m = partial(np.interp, xp=self.known.distance_m, fp=self.known.sd_m)
-            errors = np.hypot(sd_m(from_m + distance_m), sd_m(from_m)) / self._typical_over_10_km_m
+            errors = np.hypot(sd_m(from_m + distance_m), sd_m(from_m)) / self.given(None).typical_m(
+                REFERENCE_M
+            )
             factor = np.minimum(errors, factor) if from_m > 0.0 else errors
         limit = self.limit(distance_m)
         return np.asarray(np.clip(self.expected_m(distance_m, from_m) + over_10_km_m * factor, -limit, limit))
-
-    @cached_property
-    def _typical_over_10_km_m(self) -> float:
-        """Half the width of the central 68 % of the climb over 10 km [m]."""
-        low, high = (np.interp(p, self._middle, self.over_10_km_m) for p in (0.16, 0.84))
-        return 0.5 * float(high - low)
 
     @cached_property
     def _middle(self) -> FloatArray:

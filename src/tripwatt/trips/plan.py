@@ -25,6 +25,9 @@ from tripwatt.trips.weather import PlanWeather
 
 if TYPE_CHECKING:
     from tripwatt.figures import Axes, Figure
+STEEPEST: Final = 0.2
+"""Largest mean grade of a road over its length, a choice: the steepest streets have up to 0.35, but only over some hundred metres."""
+
 ROUTE_COLUMNS: Final = ("time_s", "speed_m_s", "elevation_m", "grade")
 """Columns of a plan."""
 
@@ -79,9 +82,9 @@ class KnownClimb:
     sd_m: FloatArray
 
     def grade(self, at_m: FloatArray) -> FloatArray:
-        """Expected grade at distances from the start [1], constant between two points, shape of `at_m`."""
+        """Expected grade at distances from the start [1], constant between two points and at most `STEEPEST`, shape of `at_m`."""
         piece = np.searchsorted(self.distance_m[1:-1], at_m, side="right")
-        return np.asarray(np.diff(self.climb_m) / np.diff(self.distance_m))[piece]
+        return np.clip(np.diff(self.climb_m) / np.diff(self.distance_m), -STEEPEST, STEEPEST)[piece]
 
 
 @dataclass(frozen=True, eq=False, slots=True, repr=False)
@@ -111,7 +114,7 @@ class Plan(Sampled):
     pauses : tuple of Pause
         Times on the way in which the car is off; they are no part of the samples.
     climb : KnownClimb or None
-        What is known of the climb if the heights of the road are unknown.
+        What is known of the climb if the heights of the road are unknown: the simulated road climbs as expected.
 
     Examples
     --------
@@ -367,6 +370,13 @@ class Plan(Sampled):
     def has_road(self) -> bool:
         """Whether elevation or grade is known."""
         return self.has("elevation_m") or self.has("grade")
+
+    @property
+    def grade(self) -> FloatArray | None:
+        """Grade at the samples [1], that of the expected climb if the heights are unknown; None if only an elevation is known, or nothing."""
+        if self.climb is None or self.has_road:
+            return self.array("grade") if self.has("grade") else None
+        return self.climb.grade(distance_driven(self.array("time_s"), self.array("speed_m_s")))
 
     def to_dict(self) -> dict[str, Any]:
         """Convert the plan to plain values, with the names that a request to the service uses.

@@ -25,7 +25,7 @@ class ClimbingEnergy:
     grade : ndarray, shape (grades,)
         Constant grades in addition to that of the expected climb, ascending [1].
     even_wh : ndarray, shape (grades, places)
-        Energy beyond that of a flat road up to each place along the way, at these grades [Wh].
+        Energy beyond that of the expected climb up to each place along the way, at these grades [Wh].
     hill : ndarray, shape (hills,)
         Grades of roads that go up and down in turn, ascending from 0 [1].
     hill_wh : ndarray, shape (hills, places)
@@ -42,7 +42,7 @@ class ClimbingEnergy:
     >>> even_wh, hill_wh = np.outer([-1300.0, 0.0, 2600.0], way / 1e4), np.outer([0.0, 500.0], way / 1e4)
     >>> drive = ClimbingEnergy(grade, even_wh, hill, hill_wh, way, net_climbs())
     >>> float(drive.more_wh(100.0)), round(drive.climb_for(520.0), 6), drive.climb_for(9e9)
-    (520.0, 100.0, inf)
+    (520.0, 100.0, None)
     """
 
     grade: FloatArray
@@ -53,17 +53,17 @@ class ClimbingEnergy:
     net: NetClimbs
 
     def more_wh(self, climb_m: Any, from_m: float = 0.0) -> Any:
-        """Energy that a net climb of `climb_m` from `from_m` to the end adds to that of a flat road [Wh]; numbers or arrays."""
+        """Energy that a net climb of `climb_m` from `from_m` to the end adds to that of the expected one [Wh]; numbers or arrays."""
         even, ahead_m = self._energy_from(self.even_wh, from_m)[:, -1:], float(self.distance_m[-1]) - from_m
         grade = (np.asarray(climb_m)[..., None] - self.net.expected_m(ahead_m, from_m)) / max(ahead_m, 1e-9)
         return _interpolated(self.grade, even, grade)[..., 0]
 
-    def climb_for(self, energy_wh: float, from_m: float = 0.0) -> float:
-        """Net climb from `from_m` to the end that adds an energy [m]: inverse of `more_wh`; infinite if no road climbs that much."""
+    def climb_for(self, energy_wh: float, from_m: float = 0.0) -> float | None:
+        """Net climb from `from_m` to the end that adds an energy [m]: inverse of `more_wh`; None if no road climbs that much."""
         ahead = float(self.distance_m[-1]) - from_m
         most = float(self.net.limit(max(ahead, 0.0)))
         if ahead <= 0.0 or self.more_wh(most, from_m) < energy_wh:
-            return float("inf")
+            return None
         climbs = np.linspace(0.0, most, 65)
         return float(np.interp(energy_wh, self.more_wh(climbs, from_m), climbs))
 
