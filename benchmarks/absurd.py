@@ -41,7 +41,8 @@ CARS: Final = (
 )
 SIZE_KM: Final = 25.0
 MOUNTAINS_M: Final = 300.0
-"""Size of the country of hidden heights, and the median of the scale of its heights over 10 km."""
+HIGHEST_M: Final = 8500.0
+"""Size of the country of hidden heights, the median of the scale of its heights over 10 km, and the highest of all."""
 
 
 def country(rng: np.random.Generator, stations: int = 250) -> Atlas:
@@ -165,7 +166,8 @@ def promises(number: int, seed: int) -> Iterator[Row]:
         count = int(rng.integers(15, 80))
         places, ends = rng.uniform(0.0, SIZE_KM, (count, 2)), rng.uniform(0.0, SIZE_KM, (2, 2))
         points = ends[0] + np.linspace(0.0, 1.0, 41)[:, None] * (ends[1] - ends[0])
-        height_m = height_field(rng, MOUNTAINS_M * np.exp(rng.normal(0.0, 0.6)), np.vstack((places, points)))
+        scale_m = MOUNTAINS_M * np.exp(rng.normal(0.0, 0.6))
+        height_m = np.minimum(height_field(rng, scale_m, np.vstack((places, points))), HIGHEST_M)
         atlas = HiddenHeights(MadeRouter())
         latitude, longitude = 47.0 + KM_DEG * places[:, 0], KM_DEG * places[:, 1] / np.cos(np.radians(47.0))
         object.__setattr__(atlas, "known", KnownHeights(latitude, longitude, height_m[:count]))

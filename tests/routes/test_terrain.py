@@ -5,7 +5,7 @@ import pytest
 
 from tripwatt.routes.terrain import KnownClimb, net_climbs
 
-KNOWN = KnownClimb(np.array([0.0, 5e3, 2e4]), np.array([0.0, 40.0, 10.0]), np.array([0.0, 8.0, 200.0]))
+KNOWN = KnownClimb(np.array([0.0, 5e3, 2e4]), np.array([0.0, 40.0, 10.0]), np.array([0.0, 8.0, 200.0]), 500.0)
 
 
 @pytest.mark.parametrize("from_m", [0.0, 3000.0])

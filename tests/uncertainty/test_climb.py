@@ -53,7 +53,9 @@ def test_the_core_of_normal_climbs_is_their_standard_deviation():
     assert mixture.core_sd_wh == pytest.approx([40.0, 100.0], rel=0.01)
 
 
-KNOWN = KnownClimb(np.array([0.0, 6e3, 2e4]), np.array([0.0, 500.0, 100.0]), np.array([0.0, 80.0, 20.0]))
+KNOWN = KnownClimb(
+    np.array([0.0, 6e3, 2e4]), np.array([0.0, 500.0, 100.0]), np.array([0.0, 80.0, 20.0]), 500.0
+)
 
 
 @pytest.mark.parametrize("from_m", [0.0, 3000.0])

@@ -88,8 +88,7 @@ def energies_on_grades(
     True
     """
     drive = drive_of_trip(vehicle, plan)
-    expected = np.zeros(len(drive.time_s)) if plan.grade is None else plan.grade
-    slopes = np.array([expected + np.asarray(grade) for grade in grades])
+    slopes = np.array([run.grade + np.asarray(grade) for grade in grades])
     means = np.hstack((slopes[:, :1], 0.5 * (slopes[:, 1:] + slopes[:, :-1])))
     chunks = np.array_split(means, min(len(means), math.ceil(means.size / CHUNK_SAMPLES)))
     trace = Trace.from_samples(drive.time_s, drive.speed_m_s, drive.grade, drive.headwind_m_s)

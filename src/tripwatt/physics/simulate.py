@@ -379,13 +379,12 @@ def _drive_of(
 def drive_of_trip(vehicle: Vehicle, trip: Recorded | Plan, road: FloatArray | None = None) -> Drive:
     """Make the `Drive` of a car, with the extras of the departure, on a trip or a plan. O(samples)."""
     weather = trip.air if isinstance(trip, Plan) else None
-    grade = trip.grade if isinstance(trip, Plan) else trip.array("grade") if trip.has("grade") else None
     return _drive_of(
         with_extras(vehicle, trip.departure.extras or (), trip.departure.tyre_pressure),
         trip.array("time_s"),
         trip.array("speed_m_s"),
-        grade,
-        trip.array("elevation_m") if "elevation_m" in trip else None,
+        trip.array("grade") if trip.has("grade") else None,
+        trip.elevation_m,
         None,
         None if weather is None else weather.headwind_m_s,
         conditions=conditions_at_departure(vehicle, trip.departure, weather),

@@ -17,12 +17,14 @@ from typing import Final
 import numpy as np
 
 from tripwatt.arrays import FloatArray
-from tripwatt.trips.plan import STEEPEST, KnownClimb
+from tripwatt.trips.plan import KnownClimb
 
 REFERENCE_M: Final = 10_000.0
 """Distance for which the scales of the net climb are given [m]; a choice."""
 GROWTH: Final = 0.6
 """Exponent of the net climb over distance. In logs it falls from 0.8 over some km to 0.4 over tens of km (`python -m benchmarks.climb`)."""
+STEEPEST: Final = 0.2
+"""Largest mean grade of a road over its length, a choice: the steepest streets have up to 0.35, but only over some hundred metres."""
 LOCAL_M: Final = 500.0
 """Length of the hills that a road goes up and down between its ends [m]; a choice."""
 REGION_SCALE_M: Final[Mapping[str, float]] = {"tum": 22.0, "twizy": 82.4}
@@ -71,7 +73,7 @@ class NetClimbs:
 
         Examples
         --------
-        >>> over_a_pass = KnownClimb(np.array([0.0, 5e3, 9e3]), np.array([0.0, 400.0, 100.0]), np.array([0.0, 80.0, 30.0]))
+        >>> over_a_pass = KnownClimb(np.array([0.0, 5e3, 9e3]), np.array([0.0, 400.0, 100.0]), np.array([0.0, 80.0, 30.0]), 900.0)
         >>> [net_climbs("mountains").given(over_a_pass).quantile(0.5, m).round().item() for m in (5e3, 9e3)]
         [400.0, 100.0]
         """
@@ -96,8 +98,7 @@ class NetClimbs:
         """Expected net climb from `from_m` over each distance [m], in the shape of `distance_m`; 0 if nothing is known."""
         if self.known is None:
             return np.zeros(np.shape(distance_m))
-        height_m = partial(np.interp, xp=self.known.distance_m, fp=self.known.climb_m)
-        return np.asarray(height_m(from_m + distance_m) - height_m(from_m))
+        return np.asarray(self.known.height(from_m + distance_m) - self.known.height(from_m))
 
     def _climbs(self, over_10_km_m: FloatArray, distance_m: FloatArray, from_m: float = 0.0) -> FloatArray:
         """Net climbs from `from_m` over distances [m], given those over 10 km of a road of which nothing is known."""

@@ -25,9 +25,6 @@ from tripwatt.trips.weather import PlanWeather
 
 if TYPE_CHECKING:
     from tripwatt.figures import Axes, Figure
-STEEPEST: Final = 0.2
-"""Largest mean grade of a road over its length, a choice: the steepest streets have up to 0.35, but only over some hundred metres."""
-
 ROUTE_COLUMNS: Final = ("time_s", "speed_m_s", "elevation_m", "grade")
 """Columns of a plan."""
 
@@ -69,22 +66,24 @@ class KnownClimb:
         Distance from the start [m], ascending from 0.
     climb_m, sd_m : ndarray, shape (points,)
         Expected net climb from the start to each point, and its standard deviation [m]; 0 at the start.
+    start_m : float
+        Expected height of the start [m].
 
     Examples
     --------
-    >>> over_a_pass = KnownClimb(np.array([0.0, 5e3, 9e3]), np.array([0.0, 400.0, 100.0]), np.array([0.0, 80.0, 30.0]))
-    >>> over_a_pass.grade(np.array([0.0, 6e3])).tolist()
-    [0.08, -0.075]
+    >>> over_a_pass = KnownClimb(np.array([0.0, 5e3, 9e3]), np.array([0.0, 400.0, 100.0]), np.array([0.0, 80.0, 30.0]), 900.0)
+    >>> over_a_pass.height(np.array([0.0, 2.5e3, 9e3])).tolist()
+    [900.0, 1100.0, 1000.0]
     """
 
     distance_m: FloatArray
     climb_m: FloatArray
     sd_m: FloatArray
+    start_m: float
 
-    def grade(self, at_m: FloatArray) -> FloatArray:
-        """Expected grade at distances from the start [1], constant between two points and at most `STEEPEST`, shape of `at_m`."""
-        piece = np.searchsorted(self.distance_m[1:-1], at_m, side="right")
-        return np.clip(np.diff(self.climb_m) / np.diff(self.distance_m), -STEEPEST, STEEPEST)[piece]
+    def height(self, at_m: FloatArray | float) -> FloatArray:
+        """Expected height at distances from the start [m], shape of `at_m`."""
+        return np.asarray(self.start_m + np.interp(at_m, self.distance_m, self.climb_m))
 
 
 @dataclass(frozen=True, eq=False, slots=True, repr=False)
@@ -372,11 +371,11 @@ class Plan(Sampled):
         return self.has("elevation_m") or self.has("grade")
 
     @property
-    def grade(self) -> FloatArray | None:
-        """Grade at the samples [1], that of the expected climb if the heights are unknown; None if only an elevation is known, or nothing."""
+    def elevation_m(self) -> FloatArray | None:
+        """Elevation at the samples [m], that of the expected climb if the heights are unknown; None if nothing is known of it."""
         if self.climb is None or self.has_road:
-            return self.array("grade") if self.has("grade") else None
-        return self.climb.grade(distance_driven(self.array("time_s"), self.array("speed_m_s")))
+            return super(Plan, self).elevation_m  # without arguments it fails in a class with slots
+        return self.climb.height(distance_driven(self.array("time_s"), self.array("speed_m_s")))
 
     def to_dict(self) -> dict[str, Any]:
         """Convert the plan to plain values, with the names that a request to the service uses.

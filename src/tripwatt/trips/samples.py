@@ -89,6 +89,11 @@ class Sampled:
         return all(c in self.samples.columns and not bool(np.isnan(self.array(c)).all()) for c in columns)
 
     @property
+    def elevation_m(self) -> FloatArray | None:
+        """Elevation at the samples [m]; None if it is unknown."""
+        return self.array("elevation_m") if "elevation_m" in self else None
+
+    @property
     def duration_s(self) -> float:
         """Time between the first and the last sample [s]."""
         time = self.array("time_s")

@@ -112,13 +112,13 @@ class KnownHeights:
         height, inverse = self.height_m[near], _bordered_inverse(places[near])
         precision = inverse[:-1, :-1]
         left_out = precision @ height / np.diag(precision)
-        variance = float(np.mean(left_out**2 * np.diag(precision)))
         beside = -_half_variogram(points, places[near])
         weights = np.column_stack((beside, np.ones(count))) @ inverse[:, :-1]
         more, off = weights - weights[0], beside - beside[0]
         error = 2.0 * _half_variogram(points, points[:1])[:, 0] - 2.0 * np.sum(off * more, axis=1)
         error += np.sum(more @ _covariance(places[near]) * more, axis=1)
-        return KnownClimb(at_m, more @ height, np.sqrt(variance * np.maximum(error, 0.0)))
+        sd_m = np.sqrt(np.mean(left_out**2 * np.diag(precision)) * np.maximum(error, 0.0))
+        return KnownClimb(at_m, more @ height, sd_m, float(weights[0] @ height))
 
     @cached_property
     def _tree(self) -> Any:
