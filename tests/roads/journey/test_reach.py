@@ -62,6 +62,15 @@ def test_directions_without_a_road_are_left_out(model):
         find_reach(drive, A, replace(MADE, router=MadeRouter(fails_at=-90.0)))
 
 
+def test_the_reason_of_the_router_is_said(model):
+    class Closed(MadeRouter):
+        def roads(self, stops, *, alternatives=0):
+            raise InvalidInput.of("no road found", "A", "the pass is closed")
+
+    with pytest.raises(InvalidInput, match="the pass is closed"):
+        find_reach(RoadForecaster(model, COLD), A, replace(MADE, router=Closed()))
+
+
 def test_a_router_that_fails_ends_the_search_at_once(model):
     calls = []
 

@@ -118,9 +118,10 @@ def find_reach(forecaster: RoadForecaster, start: Place, atlas: Atlas, *, reserv
     reserve = require_fraction("reserve", reserve)
     forecaster = replace(forecaster, heights=atlas.heights_around([start]))
     targets = _choose_targets(forecaster, start, atlas)
-    found = [or_none(atlas.router.roads, (start, place)) for place in targets]
-    roads = [several[0] for several in found if several]
+    roads = [found[0] for place in targets if (found := or_none(atlas.router.roads, (start, place)))]
     if not roads:
+        for place in targets[:1]:
+            atlas.router.roads((start, place))  # raises the router's own reason if it has one
         raise no_road([start, *targets[:1]], "no road away from the start")
     forecasts = [forecaster.forecast(road, "reach") for road in roads]
     return reach_along(roads, forecasts, start, reserve, atlas.attribution)

@@ -21,10 +21,7 @@ from tripwatt.errors import InvalidInput, RemoteError, install, system_errors
 from tripwatt.roads.routers.valhalla import ValhallaRouter
 
 FOLDER_VARIABLE: Final = "TRIPWATT_VALHALLA"
-INSTALL: Final = (
-    f"use Python 3.12 or newer and {install('routing')}, set TRIPWATT_VALHALLA to the folder of an "
-    "unpacked pyvalhalla wheel, or name a server by its URL"
-)
+INSTALL: Final = f"use Python 3.12 or newer and {install('routing')}, or "
 PACKED: Final = "tiles.tar"
 """File with all tiles, which Valhalla maps into memory, so that processes on the same map share one copy of the tiles."""
 
@@ -54,7 +51,8 @@ def require_valhalla() -> Path:
     """
     folder = valhalla_folder()
     if folder is None:
-        raise InvalidInput.of("missing package", "pyvalhalla", "not installed", fix=INSTALL)
+        fix = f"{INSTALL}set {FOLDER_VARIABLE} to the folder of an unpacked pyvalhalla wheel"
+        raise InvalidInput.of("missing package", "pyvalhalla", "not installed", fix=fix)
     return folder
 
 
@@ -141,7 +139,8 @@ def router_in_process(folder: Path) -> ValhallaRouter:
     try:
         import valhalla
     except ImportError as error:
-        raise InvalidInput.of("missing package", "pyvalhalla", str(error)[:80], fix=INSTALL) from error
+        fix = f"{INSTALL}name a server by its URL"
+        raise InvalidInput.of("missing package", "pyvalhalla", str(error)[:80], fix=fix) from error
     actor = valhalla.Actor({**configuration(folder), "logging": {"type": ""}})
 
     def ask(action: str, request: dict[str, Any]) -> Any:
