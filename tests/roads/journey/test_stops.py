@@ -196,6 +196,10 @@ def test_a_longer_stop_overhead_never_means_more_stops_and_the_clock_counts_it(m
     verdict = slow.verdict
     assert (verdict.arrives_at - verdict.departs_at).total_seconds() == pytest.approx(verdict.duration_s)
     assert verdict.to_dict()["arrives_at"].startswith("2026-02-01T")
+    # a leg leaves after the charging before it, since its weather is that of the hour
+    leaves = [leg.forecast.plan.departure.departs_at for leg in slow.charging.legs[1:]]
+    elapsed = [stop.arrives_after_s + stop.more_s for stop in slow.charging.stops]
+    assert [(at - SUNDAY).total_seconds() for at in leaves] == pytest.approx(elapsed, abs=300.0)
 
 
 def test_a_heated_battery_charges_faster_and_takes_its_energy(model):

@@ -416,11 +416,10 @@ class Corridor:
 
     def _route_legs(self, problem: StopProblem, plan: StopPlan) -> None:
         """Route and forecast the legs of a plan that are still estimated."""
-        elapsed = 0.0
-        for (i, j), level in zip(pairwise(plan.nodes), plan.levels, strict=True):
-            if (i, j) not in self.routed:
-                self.routed[i, j] = self._route_leg(i, j, level, elapsed)
-            elapsed += float(problem.time_s[i, j]) + problem.overhead_s
+        for k, (pair, level) in enumerate(zip(pairwise(plan.nodes), plan.levels, strict=True), start=1):
+            if pair not in self.routed:
+                elapsed_s = problem.duration_s(plan.nodes[:k], plan.levels[:k])
+                self.routed[pair] = self._route_leg(*pair, level, elapsed_s)
 
     def _route_leg(self, i: int, j: int, level: float, elapsed_s: float) -> Leg | None:
         """Route and forecast a leg; all but the first begin with `level`, `elapsed_s` after departure. None if there is no road."""
