@@ -2,7 +2,9 @@
 
 import assert from "node:assert/strict";
 import { describe, test } from "node:test";
+import type { Stop } from "../src/api/documents";
 import { groupsOf, type Lean, leansOf, numbersText, type Pixel, PIN_PX } from "../src/model/pins";
+import { riskyStop } from "../src/model/answer";
 import { bestPlace, isPreferred, isSame, leadsElsewhere, networkOf } from "../src/model/stations";
 
 function at(longitude_deg: number, latitude_deg = 0) {
@@ -31,6 +33,18 @@ describe("stations", () => {
     assert.ok(leadsElsewhere(near, [near, far]));
     assert.ok(!leadsElsewhere(both, [near, both, far]));
     assert.ok(!leadsElsewhere(near, []));
+  });
+
+  test("hold the risk of a plan where they have at least half of it, the first one first", () => {
+    const riskOf = (p_reserve: number, ...chances: number[]) => {
+      const stops = chances.map((p_reach) => ({ p_reach })) as Stop[];
+      return stops.indexOf(riskyStop({ stops, p_reserve }) as Stop);
+    };
+    assert.equal(riskOf(0.94, 0.94, 0.99), 0);
+    assert.equal(riskOf(0.43, 0.99, 0.45), 1);
+    assert.equal(riskOf(0.8, 0.9, 0.85), 0);
+    assert.equal(riskOf(0.8, 0.98), -1); // the end has it
+    assert.equal(riskOf(0.96, 0.96), -1); // the plan keeps the reserve
   });
 
   test("have a network where another one begins with the same words", () => {

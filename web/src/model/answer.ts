@@ -1,6 +1,6 @@
 /** What a driver asks of a whole trip, charging stops included: does it arrive, with what, when. */
 
-import type { ChargingPlan, Forecast } from "../api/documents";
+import type { ChargingPlan, Forecast, Stop } from "../api/documents";
 import { arrivalBand, chanceAtAll, chanceOf, type Verdict, verdictOf } from "./arrival";
 
 /** Reason of a verdict: the reserve counts from the first stop on. */
@@ -60,9 +60,10 @@ export function decisiveChance({ pReserve, pArrive }: Answer): number {
   return pReserve ?? pArrive;
 }
 
-/** Whether the charge on arrival is that of a car which may not reach its charging stops. */
-export function isDoubtful({ charges, pArrive }: Answer): boolean {
-  return charges > 0 && verdictOf(pArrive) !== "good";
+/** The first stop with at least half of the risk of a plan; null where the plan keeps the reserve, or its end has the risk. */
+export function riskyStop({ stops, p_reserve }: Pick<ChargingPlan, "stops" | "p_reserve">): Stop | null {
+  if (verdictOf(p_reserve) === "good") return null;
+  return stops.find(({ p_reach }) => 1 - p_reach >= (1 - p_reserve) / 2) ?? null;
 }
 
 export function verdictOfAnswer(answer: Answer): Verdict {

@@ -1,8 +1,8 @@
 /** What is shown of the trip as a whole: of its road, or of its plan with charging stops. */
 
 import { computed, effect, signal } from "@preact/signals";
-import type { ChargingPlan, Course } from "../api/documents";
-import { type Answer, answerOf, answerWithStops, decisiveChance } from "../model/answer";
+import type { ChargingPlan, Course, Stop } from "../api/documents";
+import { type Answer, answerOf, answerWithStops, decisiveChance, riskyStop } from "../model/answer";
 import { verdictOf } from "../model/arrival";
 import { interpolate } from "../model/interpolate";
 import { isSame } from "../model/stations";
@@ -18,6 +18,9 @@ export const chargingPlan = computed((): ChargingPlan | null => {
   if (!trip.value?.stops || mode.value !== "plan") return null;
   return chargingPlans.value[chosenCharging.value] ?? chargingPlans.value[0] ?? null;
 });
+
+/** The stop that the plan which is shown may not reach with the reserve. */
+export const stopInDoubt = computed((): Stop | null => chargingPlan.value && riskyStop(chargingPlan.value));
 
 export const answer = computed((): Answer | null => {
   if (chargingPlan.value) return answerWithStops(chargingPlan.value);

@@ -302,8 +302,8 @@ const de: Text = {
     otherCar: "„Fahren“ ist nicht möglich: Die Fahrt wurde mit einem anderen Auto gemessen.",
     onArrival: "Ladestand bei Ankunft",
     whenBack: "Ladestand bei der Rückkehr",
-    onArrivalIf: (stops) =>
-      `Ladestand bei Ankunft, wenn Sie ${stops > 1 ? "die Ladestopps" : "den Ladestopp"} erreichen`,
+    atStop: (station) => `Ladestand an „${station}“`,
+    afterStop: (soc, band) => `Nach dem Laden dort: ${soc} (${band}) bei Ankunft`,
     measured: "gemessen",
     range: (low, high) => `${low} bis ${high}`,
     inTrips: (band) => `${band} bei 9 von 10 Fahrten`,
@@ -350,8 +350,7 @@ const de: Text = {
     readoutElevation: (height) => `Höhe ${height}`,
     announced: (soc, band) => `Prognose: ${soc} Ladestand bei Ankunft, ${band} bei 9 von 10 Fahrten.`,
     announcedArrival: (soc) => `Angekommen: ${soc} Ladestand bei Ankunft.`,
-    glance: (band, isDoubtful) =>
-      `${isDoubtful ? "wenn Sie den Ladestopp erreichen" : "bei Ankunft"}, ${band}`,
+    glance: (band, stop) => `${stop ? `an „${stop}“` : "bei Ankunft"}, ${band}`,
     glanceReserve: (chance) => `Reserve: ${chance}`,
   },
   verdict: {
@@ -364,8 +363,9 @@ const de: Text = {
     hereFirst: "Erst hier laden, dann kommen Sie an",
     thereFirst: (far) => `Nach ${far} laden, dann kommen Sie an`,
     belowReserve: "Sie kommen an, aber vielleicht unter der Reserve",
-    stopBelowReserve: (stops) =>
-      `Sie erreichen ${stops > 1 ? "einen" : "den"} Ladestopp vielleicht unter der Reserve`,
+    stopBelow: (station, isLikely) =>
+      `Sie erreichen „${station}“ ${isLikely ? "wahrscheinlich" : "vielleicht"} nur unter Ihrer Reserve`,
+    stopMissed: (station) => `Sie erreichen „${station}“ vielleicht nicht`,
     mostlyBelow: "Sie kommen wahrscheinlich unter der Reserve an",
     doNotSetOut: (far) => `Fahren Sie nicht los: Der Ladestand reicht etwa ${far}`,
     perhaps: "Sie kommen vielleicht nicht an",
@@ -374,10 +374,6 @@ const de: Text = {
     not: "Ohne Laden kommen Sie nicht an",
     probablyNot: "Ohne Laden kommen Sie wahrscheinlich nicht an",
     notWithStops: "Auch mit Ladestopps kommen Sie wahrscheinlich nicht an",
-    reasonsWithStops: {
-      to_a_stop: "Der Ladestand reicht vielleicht nicht, um jeden Ladestopp mit der Reserve zu erreichen.",
-      to_the_end: "Der Ladestand reicht vielleicht nicht vom letzten Ladestopp bis zum Ziel.",
-    },
     calculating: "Wird berechnet …",
     unknownHeights: "Die Höhen dieser Strecke sind unbekannt. Im Gebirge reicht es vielleicht nicht.",
     otherPlaces: (trip) => `Die Zahlen gelten für ${trip}. „Planen“ berechnet die gewählten Orte.`,

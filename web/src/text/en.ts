@@ -295,8 +295,8 @@ export const en = {
     otherCar: "Drive is not available: the trip was measured with another car.",
     onArrival: "Battery on arrival",
     whenBack: "Battery when back",
-    onArrivalIf: (stops: number) =>
-      `Battery on arrival, if you reach the charging ${stops > 1 ? "stops" : "stop"}`,
+    atStop: (station: string) => `Battery at ${station}`,
+    afterStop: (soc: string, range: string) => `After charging there: ${soc} (${range}) on arrival`,
     measured: "measured",
     range: (low: string, high: string) => `${low} to ${high}`,
     inTrips: (band: string) => `${band} in 9 of 10 trips`,
@@ -343,8 +343,7 @@ export const en = {
     readoutElevation: (height: string) => `elevation ${height}`,
     announced: (soc: string, band: string) => `Forecast: ${soc} on arrival, ${band} in 9 of 10 trips.`,
     announcedArrival: (soc: string) => `Arrived: ${soc} battery on arrival.`,
-    glance: (band: string, isDoubtful: boolean) =>
-      `${isDoubtful ? "if you reach the charging stop" : "on arrival"}, ${band}`,
+    glance: (band: string, stop: string | null) => `${stop ? `at ${stop}` : "on arrival"}, ${band}`,
     glanceReserve: (chance: string) => `reserve: ${chance}`,
   },
   verdict: {
@@ -357,8 +356,9 @@ export const en = {
     hereFirst: "Charge here first, then you will arrive",
     thereFirst: (far: string) => `Drive ${far} to charge, then you will arrive`,
     belowReserve: "You will arrive, but perhaps below the reserve",
-    stopBelowReserve: (stops: number) =>
-      `You may reach ${stops > 1 ? "a" : "the"} charging stop below the reserve`,
+    stopBelow: (station: string, isLikely: boolean) =>
+      `You ${isLikely ? "will probably" : "may"} reach ${station} below your reserve`,
+    stopMissed: (station: string) => `You may not reach ${station}`,
     mostlyBelow: "You will probably arrive below the reserve",
     doNotSetOut: (far: string) => `Do not set out: the charge lasts about ${far}`,
     perhaps: "You may not arrive",
@@ -367,10 +367,6 @@ export const en = {
     not: "You will not arrive without charging",
     probablyNot: "You will probably not arrive without charging",
     notWithStops: "Even with charging stops you will probably not arrive",
-    reasonsWithStops: {
-      to_a_stop: "The charge may not be enough to reach one of the charging stops with the reserve.",
-      to_the_end: "The charge may not be enough from the last charging stop to the destination.",
-    },
     calculating: "Calculating …",
     unknownHeights: "The heights of this road are unknown. In mountains the charge may not suffice.",
     otherPlaces: (trip: string) => `The figures are of ${trip}. Press “Plan” for the places that you chose.`,

@@ -1,12 +1,12 @@
 import { useEffect, useState } from "preact/hooks";
-import { decisiveChance, isDoubtful } from "../model/answer";
+import { decisiveChance } from "../model/answer";
 import { emptyAfterM } from "../model/arrival";
 import { PERCENT } from "../model/units";
-import { answer, chargingPlan, isLate, isLookingForStops } from "../state/answer";
+import { answer, chargingPlan, isLate, isLookingForStops, stopInDoubt } from "../state/answer";
 import { source } from "../state/catalogue";
 import { shownForecast } from "../state/drive";
 import { format, text, units } from "../state/preferences";
-import { chanceInFigures, rangeWithUnit } from "./wording";
+import { chanceInFigures, rangeWithUnit, stationName } from "./wording";
 
 /** On a phone: the result at the bottom of the screen while the verdict is out of view. */
 export function Glance() {
@@ -21,16 +21,20 @@ export function Glance() {
   const of = shownForecast.value;
   const now = answer.value;
   if (!of || !now || !isHidden || isLookingForStops.value || source.value === "distance") return null;
+  const stop = stopInDoubt.value;
   const emptyM = chargingPlan.value ? null : emptyAfterM(of);
   const { result, verdict } = text.value;
   const { shown } = format.value;
   if (isLate.value) return <div class="glance">{verdict.calculating}</div>;
   return (
     <div class="glance" aria-hidden="true">
-      <strong>{shown(emptyM === null ? now.soc : 0, PERCENT)}</strong>
+      <strong>{shown(emptyM === null ? (stop?.soc_arrival ?? now.soc) : 0, PERCENT)}</strong>
       <span>
         {emptyM === null
-          ? result.glance(rangeWithUnit(now.interval, PERCENT), isDoubtful(now))
+          ? result.glance(
+              rangeWithUnit(stop?.soc_interval ?? now.interval, PERCENT),
+              stop && stationName(stop.station),
+            )
           : result.emptyAfter(shown(emptyM, units.value.distance, 0))}
       </span>
       <span>{result.glanceReserve(chanceInFigures(decisiveChance(now)))}</span>

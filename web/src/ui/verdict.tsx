@@ -3,7 +3,7 @@
 import { computed } from "@preact/signals";
 import { getCar } from "../api/client";
 import type { ChargingPlan, Forecast, OwnCarSummary, Place, Station, Stop } from "../api/documents";
-import { type Answer, BELOW, decisiveChance, isDoubtful, verdictOfAnswer } from "../model/answer";
+import { type Answer, BELOW, decisiveChance, verdictOfAnswer } from "../model/answer";
 import { chanceOf, emptyAfterM, socFromEnergy, type Verdict } from "../model/arrival";
 import { isBetter, seenIn } from "../model/diary";
 import { warningsOf } from "../model/flags";
@@ -19,6 +19,7 @@ import {
   isLate,
   isLookingForStops,
   isOfOtherPlaces,
+  stopInDoubt,
   turn,
 } from "../state/answer";
 import { advice } from "../state/advice";
@@ -46,7 +47,15 @@ import { NeedAnswer, needSentence, needVerdict } from "./need";
 import { Button, put, Stat, useAsked } from "./parts";
 import { ShareTools } from "./share";
 import { Warnings } from "./warnings";
-import { chanceInFigures, chargerParts, clockParts, range, rangeWithUnit, upwards } from "./wording";
+import {
+  chanceInFigures,
+  chargerParts,
+  clockParts,
+  range,
+  rangeWithUnit,
+  stationName,
+  upwards,
+} from "./wording";
 
 /** Chances between these are an open question. */
 const OPEN = [0.05, 0.95] as const;
@@ -99,10 +108,13 @@ function sentence(now: Answer): string {
   if (shownVerdict(now) === "good") return (isRound ? words.arrivesBack : words.arrives) + stops;
   const probably = (isRound ? words.probablyBack : words.probably) + stops;
   if (reasonOfJourney() === HEIGHTS) return probably;
-  if (now.pArrive >= OPEN[1])
-    return chargingPlan.value?.stops.some(({ p_reach }) => p_reach < OPEN[1])
-      ? words.stopBelowReserve(now.charges)
-      : words.belowReserve;
+  const stop = stopInDoubt.value;
+  if (stop && now.pArrive >= 0.5) {
+    const isLow = reasonOfJourney() === BELOW && stop === first; // the reserve counts from there on
+    const name = stationName(stop.station);
+    return isLow ? words.stopMissed(name) : words.stopBelow(name, stop.p_reach < 0.5);
+  }
+  if (now.pArrive >= OPEN[1]) return words.belowReserve;
   if (decisiveChance(now) >= PROBABLE) return probably;
   if (decisiveChance(now) >= 0.5) return words.perhaps;
   if (now.pArrive >= 0.5) return words.mostlyBelow;
@@ -173,26 +185,22 @@ function Whole({ now, isEmpty }: { now: Answer; isEmpty: boolean }) {
 function reasonText(): string | null {
   const reason = reasonOfJourney();
   if (reason === HEIGHTS) return text.value.verdict.unknownHeights;
-  if (reason === BELOW) {
-    const reserve = format.value.shown(requested.value.at.reserve, PERCENT);
-    return text.value.verdict.leavesBelow(reserve, chargingPlan.value !== null);
-  }
-  // the other reasons are of the plan that the verdict of the service is about
-  const isFirst =
-    chosenRoad.value === 0 && chargingPlan.value !== null && chargingPlan.value === chargingPlans.value[0];
-  const reasons: Record<string, string> = text.value.verdict.reasonsWithStops;
-  return (isFirst && reason && reasons[reason]) || null;
+  if (reason !== BELOW) return null;
+  const reserve = format.value.shown(requested.value.at.reserve, PERCENT);
+  return text.value.verdict.leavesBelow(reserve, chargingPlan.value !== null);
 }
 
 function Headline({ of, now }: { of: Forecast; now: Answer }) {
   const emptyM = chargingPlan.value ? null : emptyAfterM(of);
   const measured = driving.value && arrived.value;
   const { result } = text.value;
-  const { figure } = format.value;
+  const { figure, shown } = format.value;
   const { reserve } = requested.value.at;
   const onArrival = turn.value ? result.whenBack : result.onArrival;
-  const label = isDoubtful(now) ? result.onArrivalIf(now.charges) : onArrival;
-  const detail = measured ? result.measured : result.inTrips(rangeWithUnit(now.interval, PERCENT));
+  const stop = stopInDoubt.value;
+  const label = stop ? result.atStop(stationName(stop.station)) : onArrival;
+  const interval = rangeWithUnit(stop?.soc_interval ?? now.interval, PERCENT);
+  const detail = measured ? result.measured : result.inTrips(interval);
   const chance = !measured && (
     <Chance
       verdict={shownVerdict(now)}
@@ -207,10 +215,15 @@ function Headline({ of, now }: { of: Forecast; now: Answer }) {
       <p class="arrival">
         <span class="label">{label}</span>
         <span class="number">
-          {figure(emptyM === null ? PERCENT.from(now.soc) : 0, 0)}
+          {figure(emptyM === null ? PERCENT.from(stop?.soc_arrival ?? now.soc) : 0, 0)}
           <small>{PERCENT.unit}</small>
         </span>
         <span class="range">{emptyM === null ? detail : <Empty of={of} afterM={emptyM} />}</span>
+        {stop && (
+          <span class="missing">
+            {result.afterStop(shown(now.soc, PERCENT), rangeWithUnit(now.interval, PERCENT))}
+          </span>
+        )}
       </p>
       <Whole now={now} isEmpty={emptyM !== null} />
       {!measured && reasonText() && <p class="reason">{reasonText()}</p>}
@@ -254,11 +267,11 @@ function farText(farM: number): string {
 }
 
 /** The name of a station, for an app that leads there. */
-function StationLink({ of: { name, latitude_deg, longitude_deg } }: { of: Station }) {
-  const { journey: words } = text.value;
+function StationLink({ of }: { of: Station }) {
+  const at = `geo:${of.latitude_deg},${of.longitude_deg}`;
   return (
-    <a href={`geo:${latitude_deg},${longitude_deg}`} title={words.navigate}>
-      {name || words.unnamedStation}
+    <a href={at} title={text.value.journey.navigate}>
+      {stationName(of)}
     </a>
   );
 }

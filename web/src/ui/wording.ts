@@ -43,6 +43,10 @@ export function tripTitle(trip: Trip): string {
   return trip.title || text.value.trip.plannedRoute;
 }
 
+export function stationName({ name }: Station): string {
+  return name || text.value.journey.unnamedStation;
+}
+
 /** Plug and power of a charging station, as far as they are known. */
 export function chargerParts({ plug, power_w, power_known }: Station): string[] {
   const names: Record<string, string> = text.value.journey.plugs;
