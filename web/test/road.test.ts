@@ -10,6 +10,7 @@ import {
   piecesOfPlan,
   pointAt,
   pointsOf,
+  positionNear,
   readCoordinates,
 } from "../src/model/road";
 import { allNear, near } from "./near";
@@ -105,6 +106,19 @@ describe("places along the road", () => {
     near(distanceNear(straight, [10.015, 60.2]), 3000, 1e-6);
     near(distanceNear(straight, [9, 60]), 0);
     near(distanceNear(straight, [11, 59]), 24000, 1e-6);
+  });
+
+  test("of a way out and back it is the one on the way out", () => {
+    const { line } = road([]);
+    const back = line.position_m.map((m) => 24000 - m).reverse();
+    const turns = (ofLine: number[]) => [...ofLine, ...[...ofLine].reverse()];
+    const both = {
+      latitude_deg: turns(line.latitude_deg),
+      longitude_deg: turns(line.longitude_deg),
+      position_m: [...line.position_m, ...back],
+    };
+    near(positionNear({ line: both }, [10.05, 60.1]), 5000, 1e-6);
+    near(positionNear({ line: both }, [11, 60]), 12000, 1e-6);
   });
 
   test("a degree of longitude is half as long at 60 °N", () => {

@@ -156,7 +156,7 @@ function marks(now: Forecast, carM: number | null, heightPx: number): Mark[] {
       y: reserve,
     });
   }
-  const { name = "", positionM: turnM = 0 } = turn.value ?? {};
+  const { name = "", position_m: turnM = 0 } = turn.value ?? {};
   if (turn.value) marks.push({ kind: "aside", text: name, x: units.value.distance.from(turnM) });
   if (low < 0) marks.push({ kind: "empty", text: result.empty, y: 0, at: "below" });
   if (chargingPlan.value) return [...marks, ...stopMarks(chargingPlan.value)];

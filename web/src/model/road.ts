@@ -95,8 +95,13 @@ export function pointAlong(line: Road["line"], positionM: number): Point {
 }
 
 /** Distance along the forecast of the place on the road that is nearest to a point [m]. */
-export function distanceNear(road: Line, [longitude, latitude]: Point): number {
-  const points = pointsOf(road);
+export function distanceNear(road: Line, point: Point): number {
+  return (positionNear(road, point) / road.distance_m) * (road.forecast.series.distance_m.at(-1) as number);
+}
+
+/** Position on a line that is nearest to a point, the first one of several [m]. */
+export function positionNear({ line }: Pick<Road, "line">, [longitude, latitude]: Point): number {
+  const points = pointsOf({ line });
   const shrink = Math.cos((latitude * Math.PI) / 180);
   let nearest = Number.POSITIVE_INFINITY;
   let foundM = 0;
@@ -109,10 +114,10 @@ export function distanceNear(road: Line, [longitude, latitude]: Point): number {
     const off = Math.hypot(x0 + share * dx, y0 + share * dy);
     if (off >= nearest) continue;
     nearest = off;
-    const [from, to] = [road.line.position_m[k - 1] as number, road.line.position_m[k] as number];
+    const [from, to] = [line.position_m[k - 1] as number, line.position_m[k] as number];
     foundM = from + share * (to - from);
   }
-  return (foundM / road.distance_m) * (road.forecast.series.distance_m.at(-1) as number);
+  return foundM;
 
   /** Offset from the point on a plane on which both directions have one scale. */
   function fromPoint([x, y]: Point): Point {

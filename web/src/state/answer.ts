@@ -4,7 +4,7 @@ import { computed, effect, signal } from "@preact/signals";
 import type { ChargingPlan, Course, Stop } from "../api/documents";
 import { type Answer, answerOf, answerWithStops, decisiveChance, riskyStop } from "../model/answer";
 import { verdictOf } from "../model/arrival";
-import { interpolate } from "../model/interpolate";
+import { distanceNear, type Point, positionNear } from "../model/road";
 import { isSame } from "../model/stations";
 import { conditions } from "./conditions";
 import { driving, shownForecast } from "./drive";
@@ -80,17 +80,33 @@ export const course = computed((): Course | null => {
   );
 });
 
-/** Where a journey that ends at its start turns, and the charge there. */
+export type Turn = NonNullable<typeof turn.value>;
+
+/** Where a journey that ends at its start turns, and the charge on arrival there. */
 export const turn = computed(() => {
   const { stops, pauseS = null } = trip.value ?? {};
   const [first, last] = [stops?.[0], stops?.at(-1)];
   const isLoop = pauseS === null && first && last && isSame(first, last);
-  const at = pauseS !== null || isLoop ? journey.value?.roads[chosenRoad.value]?.stops.at(-1) : undefined;
-  if (!at || !course.value) return null;
+  const place = pauseS !== null || isLoop ? stops?.at(isLoop ? -2 : -1) : undefined;
+  const [road, plan] = [journey.value?.roads[chosenRoad.value], chargingPlan.value];
+  if (!place || !road || !course.value) return null;
+  const point: Point = [place.longitude_deg, place.latitude_deg];
+  const nearM = plan ? positionNear(plan, point) : distanceNear(road, point); // with the detours to stops
+  // who charges in the pause arrives before
+  const atM = Math.min(
+    nearM,
+    ...(plan?.stops ?? []).filter((one) => one.pause_s > 0).map((one) => one.position_m),
+  );
   const { position_m, time_s, displayed_soc } = course.value;
-  const soc = interpolate(at.position_m, position_m, displayed_soc);
-  const atS = interpolate(at.position_m, position_m, time_s);
-  return { name: stops?.at(isLoop ? -2 : -1)?.name ?? "", positionM: at.position_m, soc, atS, pauseS };
+  const after = position_m.findIndex((positionM) => positionM >= atM);
+  const k = position_m[after] === atM ? after : after - 1; // the pause is between two rows
+  return { name: place.name, position_m: atM, soc: displayed_soc[k] ?? 0, atS: time_s[k] ?? 0, pauseS };
+});
+
+/** Charging stops and turn of the journey that is shown, in the order of time. */
+export const halts = computed(() => {
+  const all = [...(turn.value ? [turn.value] : []), ...(chargingPlan.value?.stops ?? [])];
+  return all.sort((one, other) => one.position_m - other.position_m);
 });
 
 /** Clock times of departure and arrival; without a chosen time, of a departure now. */

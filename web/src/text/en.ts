@@ -145,14 +145,15 @@ export const en = {
     driveTo: (far: string) => `Drive ${far} to “`,
     navigate: "Open in a navigation app",
     forThere: (time: string, arrival: string, leave: string, clock: string, day: string) =>
-      `” and charge for ${time}, from ${arrival} to ${leave}; you are there${day && ` ${day}`} at about ${clock}.`,
-    inPause: (time: string, isPause: boolean) => (isPause ? `${time} in the pause` : time),
+      `” and charge ${time}, from ${arrival} to ${leave}; you are there${day && ` ${day}`} at about ${clock}.`,
+    chargingTime: (time: string, isPause: boolean) => (isPause ? "in the pause" : `for ${time}`),
     chargeHere: "Charge here, at “",
-    forHere: (time: string, arrival: string, leave: string) => `”, for ${time}, from ${arrival} to ${leave}.`,
-    turn: (place: string, soc: string, at: string) => `At ${place} at about ${at} with ${soc}.`,
-    startBack: (at: string, day: string) => `Start back${day && ` ${day}`} at about ${at}.`,
+    forHere: (time: string, arrival: string, leave: string) => `”, ${time}, from ${arrival} to ${leave}.`,
+    turn: (place: string, soc: string, at: string, day: string) =>
+      `At ${place}${day && ` ${day}`} at about ${at} with ${soc}.`,
+    pauseAt: (pause: string, at: string, day: string) =>
+      `Pause of ${pause}; start back${day && ` ${day}`} at about ${at}.`,
     fewer: (stops: string, longer: string) => `With ${stops}: ${longer}`,
-    moreStops: each({ one: "# more stop", other: "# more stops" }),
     chargingStops: "Charging stops",
     chargingPlans: "Charging plans",
     plans: {
@@ -163,7 +164,7 @@ export const en = {
       "best effort": "Best effort",
     },
     stops: each({ one: "# stop", other: "# stops" }),
-    chargeFor: (arrival: string, leave: string, time: string) => `${arrival} to ${leave} in ${time}`,
+    chargeFor: (arrival: string, leave: string, time: string) => `${arrival} to ${leave}, ${time}`,
     here: "you are here",
     arriveThere: (range: string) => `you arrive there with ${range}`,
     reached: (chance: string) => `with the reserve in ${chance}`,

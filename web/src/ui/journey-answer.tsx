@@ -3,7 +3,7 @@ import { hundredthsOf, verdictOf } from "../model/arrival";
 import { BELOW } from "../model/answer";
 import { HERE_M, leadsElsewhere } from "../model/stations";
 import { ENERGY, PERCENT } from "../model/units";
-import { chargingPlan, clock, isOfOtherPlaces } from "../state/answer";
+import { chargingPlan, halts, isOfOtherPlaces } from "../state/answer";
 import { chooseRoad, requested } from "../state/forecast";
 import { answersAreOld, chargingPlans, chosenCharging, chosenRoad, journey } from "../state/journey";
 import { format, text, units } from "../state/preferences";
@@ -11,7 +11,15 @@ import { trip } from "../state/trip";
 import { Choice } from "./choice";
 import { into } from "./parts";
 import { StationActions } from "./station-panel";
-import { chanceInFigures, chargerParts, clockText, rangeWithUnit, upwards } from "./wording";
+import {
+  chanceInFigures,
+  chargerParts,
+  clockAfter,
+  rangeWithUnit,
+  stationName,
+  turnText,
+  upwards,
+} from "./wording";
 
 /** Smaller differences between roads are none. */
 const MIN_SHOWN_S = 30;
@@ -128,17 +136,16 @@ function StopRow({ of, isTold }: { of: Stop; isTold: boolean }) {
   const { duration, shown, span } = format.value;
   const { reserve } = requested.value.at;
   const { station, if_full: full } = of;
-  const time = words.inPause(span(of.charging_s), of.pause_s > 0);
-  const at = clock.value;
-  const after = at && new Date(at.leaves.getTime() + of.arrives_after_s * 1000);
+  const time = words.chargingTime(span(of.charging_s), of.pause_s > 0);
+  const [at, day] = clockAfter(of.arrives_after_s);
   return (
     <li>
       <h4>
-        {station.name || words.unnamedStation}
+        {stationName(station)}
         <span class="figures">
           {chargerParts(station).map((part) => ` · ${part}`)}
           {` · ${shown(of.position_m, units.value.distance, 0)}`}
-          {after && ` · ${clockText(after, at.leaves)}`}
+          {` · ${day} ${at}`}
         </span>
       </h4>
       <p>
@@ -155,7 +162,7 @@ function StopRow({ of, isTold }: { of: Stop; isTold: boolean }) {
       <p class="note">
         {full
           ? words.ifFull(
-              full.station.name || words.unnamedStation,
+              stationName(full.station),
               (full.soc_arrival < reserve ? words.only : String)(shown(full.soc_arrival, PERCENT)),
               full.more_s < MINUTE_S ? words.sameTime : words.longer(duration(full.more_s)),
               chanceInFigures(full.p_reach),
@@ -183,9 +190,15 @@ export function JourneyAnswer() {
       {plan && plans.length > 1 && <Plans plans={plans} />}
       {plan && (
         <ol class="stops">
-          {plan.stops.map((stop, k) => (
-            <StopRow key={stop.position_m} of={stop} isTold={k === 0 && of.verdict.reason === BELOW} />
-          ))}
+          {halts.value.map((one, k) =>
+            "station" in one ? (
+              <StopRow key={k} of={one} isTold={k === 0 && of.verdict.reason === BELOW} />
+            ) : (
+              <li key={k} class="turn">
+                {turnText(one)}
+              </li>
+            ),
+          )}
         </ol>
       )}
       {roads && plans.length > 0 && <h3>{words.roads}</h3>}

@@ -16,6 +16,7 @@ import {
   answer,
   chargingPlan,
   clock,
+  halts,
   isLate,
   isLookingForStops,
   isOfOtherPlaces,
@@ -50,10 +51,12 @@ import { Warnings } from "./warnings";
 import {
   chanceInFigures,
   chargerParts,
+  clockAfter,
   clockParts,
   range,
   rangeWithUnit,
   stationName,
+  turnText,
   upwards,
 } from "./wording";
 
@@ -255,12 +258,6 @@ const isStuck = computed(() => {
   return now !== null && trip.value?.stops != null && now.charges === 0 && verdictOfAnswer(now) === "bad";
 });
 
-/** Clock time and day, so long after the departure. */
-function clockAfter(s: number): [string, string] {
-  const leaves = clock.value?.leaves ?? new Date();
-  return clockParts(new Date(leaves.getTime() + s * 1000), leaves);
-}
-
 /** A distance to drive. */
 function farText(farM: number): string {
   return format.value.shown(farM, units.value.distance, farM < NEAR_M ? 1 : 0);
@@ -280,9 +277,9 @@ function StationLink({ of }: { of: Station }) {
 function StopText({ of, fromM }: { of: Stop; fromM: number }) {
   const { shown, span } = format.value;
   const { journey: words } = text.value;
-  const time = words.inPause(span(of.charging_s), of.pause_s > 0);
+  const time = words.chargingTime(span(of.charging_s), of.pause_s > 0);
   const [arrival = "", leave = ""] = [of.soc_arrival, of.soc_leave].map((soc) => shown(soc, PERCENT));
-  const isHere = of.position_m < HERE_M;
+  const isHere = of.position_m - fromM < HERE_M;
   return (
     <>
       {isHere ? words.chargeHere : words.driveTo(farText(of.position_m - fromM))}
@@ -292,47 +289,56 @@ function StopText({ of, fromM }: { of: Stop; fromM: number }) {
   );
 }
 
-/** The first charging stop, with the others behind it, and the plan that has fewer of them. */
-function Stops({ of }: { of: ChargingPlan }) {
-  const [first, ...others] = of.stops;
+/** What has to be known of the first stop besides. */
+function FirstStop({ of, plan }: { of: Stop; plan: ChargingPlan }) {
   const { journey: words } = text.value;
-  const plans = chargingPlans.value;
-  const fewer = plans.find((plan) => plan.stops.length < of.stops.length && plan.duration_s > of.duration_s);
-  if (!first) return null;
-  const charger = chargerParts(first.station).join(", ");
+  const charger = chargerParts(of.station).join(", ");
   const isRescue = reasonOfJourney() === BELOW;
   return (
-    <li>
-      <StopText of={first} fromM={0} />
+    <>
       {isRescue &&
-        first.position_m >= HERE_M &&
-        ` ${words.reachedAtAll(chanceInFigures(first.p_reach), rangeWithUnit(first.soc_interval, PERCENT))}`}
+        of.position_m >= HERE_M &&
+        ` ${words.reachedAtAll(chanceInFigures(of.p_reach), rangeWithUnit(of.soc_interval, PERCENT))}`}
       {isRescue && charger && ` ${charger}.`}
-      {isRescue && first.p_reach < OPEN[1] && !advice.value?.singly.length && ` ${words.driveGently}`}
-      {!first.if_full && !leadsElsewhere(of, plans) && ` ${words.noOther}`}
-      {others.length > 0 && (
-        <details>
-          <summary>{words.moreStops(others.length)}</summary>
-          <ol start={2}>
-            {others.map((stop, k) => (
-              <li key={stop.position_m}>
-                <StopText of={stop} fromM={(others[k - 1] ?? first).position_m} />
-              </li>
-            ))}
-          </ol>
-        </details>
-      )}
-      {fewer && (
-        <Button
-          class="link"
-          onClick={put(chosenCharging, plans.indexOf(fewer))}
-          label={words.fewer(
-            words.stops(fewer.stops.length),
-            words.longer(format.value.duration(fewer.duration_s - of.duration_s)),
+      {isRescue && of.p_reach < OPEN[1] && !advice.value?.singly.length && ` ${words.driveGently}`}
+      {!of.if_full && !leadsElsewhere(plan, chargingPlans.value) && ` ${words.noOther}`}
+    </>
+  );
+}
+
+/** Where the journey halts, each as an item of the list, and the plan that has fewer stops. */
+function Halts({ plan }: { plan: ChargingPlan | null }) {
+  const { journey: words } = text.value;
+  const { duration } = format.value;
+  const plans = chargingPlans.value;
+  const fewer = plans.find(
+    ({ stops, duration_s }) => plan && stops.length < plan.stops.length && duration_s > plan.duration_s,
+  );
+  return (
+    <>
+      {halts.value.map((one, k) => (
+        <li key={k}>
+          {"station" in one ? (
+            <StopText of={one} fromM={halts.value[k - 1]?.position_m ?? 0} />
+          ) : (
+            turnText(one)
           )}
-        />
+          {plan && one === plan.stops[0] && <FirstStop of={one} plan={plan} />}
+        </li>
+      ))}
+      {plan && fewer && (
+        <li>
+          <Button
+            class="link"
+            onClick={put(chosenCharging, plans.indexOf(fewer))}
+            label={words.fewer(
+              words.stops(fewer.stops.length),
+              words.longer(duration(fewer.duration_s - plan.duration_s)),
+            )}
+          />
+        </li>
       )}
-    </li>
+    </>
   );
 }
 
@@ -377,8 +383,6 @@ function ToDo({ of }: { of: Forecast }) {
   const isLow = departsAt === null && soc < Math.max(reserve, LOW_SOC);
   const stopsHelp = withStops <= 1 && withStops < (needed ?? 2) && !(plan && isLow);
   const leaves = needed !== undefined && (!plan || (needed <= 1 && !isLow)) && !(isStuck.value && needed > 1);
-  const back = plan || emptyAfterM(of) === null ? turn.value : null;
-  const { shown } = format.value;
   const helps = advice.value?.singly.filter(({ whole }) => isStuck.value && whole && whole.charges > 0) ?? [];
   const [best] = helps.sort((one, other) => other.p_arrive - one.p_arrive);
   const texts = [
@@ -393,12 +397,10 @@ function ToDo({ of }: { of: Forecast }) {
       isJourney &&
       !!speed &&
       (plan ? words.atMostWithout : words.atMost)(format.value.shown(speed, units.value.speed, 0)),
-    back && words.turn(back.name, shown(back.soc, PERCENT), clockAfter(back.atS)[0]),
-    !!back?.pauseS && words.startBack(...clockAfter(back.atS + back.pauseS)),
   ];
   return (
     <ul class={`journey-answer todo${isOld ? " old" : ""}`} aria-busy={isOld}>
-      {plan && <Stops of={plan} />}
+      {(plan || emptyAfterM(of) === null) && <Halts plan={plan} />}
       {texts.map((one, k) => one && <li key={k}>{one}</li>)}
     </ul>
   );

@@ -5,6 +5,7 @@ import { hundredthsOf } from "../model/arrival";
 import { daysBetween } from "../model/clock";
 import { PERCENT, POWER, type Quantity } from "../model/units";
 import { format, text, units } from "../state/preferences";
+import { clock, type Turn } from "../state/answer";
 import type { Trip } from "../state/trip";
 
 /** From the first to the second of two values in SI, without their unit; one figure where both are the same. */
@@ -65,6 +66,20 @@ export function clockParts(time: Date, from: Date): [string, string] {
       ? new Intl.RelativeTimeFormat(locale, { numeric: "auto" }).format(days, "day")
       : new Intl.DateTimeFormat(locale, { weekday: "short", day: "numeric", month: "short" }).format(time);
   return [clock, day];
+}
+
+/** Clock time and day, so long after the departure of the journey that is shown. */
+export function clockAfter(s: number): [string, string] {
+  const leaves = clock.value?.leaves ?? new Date();
+  return clockParts(new Date(leaves.getTime() + s * 1000), leaves);
+}
+
+/** Arrival at the turn of a journey, with its pause. */
+export function turnText({ name, soc, atS, pauseS }: Turn): string {
+  const { journey: words } = text.value;
+  const { shown, span } = format.value;
+  const arrival = words.turn(name, shown(soc, PERCENT), ...clockAfter(atS));
+  return pauseS ? `${arrival} ${words.pauseAt(span(pauseS), ...clockAfter(atS + pauseS))}` : arrival;
 }
 
 /** Both in a line. */
