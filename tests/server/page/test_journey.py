@@ -383,6 +383,7 @@ def test_verdict_list_and_chart_speak_of_the_journey_with_its_charging_stop(page
             answer["charging"] = charging(answer, "fastest", 0.45, 12.0)
             answer["charging_alternatives"] = [charging(answer, "safest", 0.62, 20.0)]
             answer["roads"][1]["charging"] = charging(answer, "fastest", 0.55, 15.0)
+            answer["roads"].append(answer["roads"][1] | {"labels": []})  # looks like the second one
         route.fulfill(json=answer)
 
     page.route("**/v1/journeys", with_stops)
@@ -421,7 +422,9 @@ def test_verdict_list_and_chart_speak_of_the_journey_with_its_charging_stop(page
     headed = page.locator(".choices").inner_text()
     assert [headed.count(title) for title in ("Charging stops", "Charging plans", "Routes")] == [1, 0, 1]
     group = page.get_by_role("group", name="Charging plans")
-    assert group.inner_text().count("reserve: 97 of 100 trips") == 2
+    assert group.inner_text().count("97 of 100 trips") == 2
+    assert "same energy" not in group.inner_text()  # only what differs is said
+    assert page.get_by_role("group", name="Routes").get_by_role("radio").count() == 2
     plans = group.get_by_role("radio")
     plans.first.focus()
     page.keyboard.press("ArrowRight")

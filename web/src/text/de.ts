@@ -178,11 +178,9 @@ const de: Text = {
     plugs: { type2_combo: "CCS", chademo: "CHAdeMO", type2: "Typ 2", type2_cable: "Typ 2" },
     neededBelow: (soc) => `nur nötig, wenn Sie dort weniger als ${soc} haben`,
     ifFull: (station, arrival, more, chance) =>
-      `Falls besetzt: ${station}, erreicht mit ${arrival} (${chance}), ${more}.`,
+      `Falls besetzt: ${station}, erreicht mit ${arrival} (${chance})${more && `, ${more}`}.`,
     noOther: "Ist sie besetzt, hilft keine andere Ladestation.",
-    sameTime: "gleich schnell",
     longer: (time) => `${time} länger`,
-    sameEnergy: "gleiche Energie",
     more: (figure) => `${figure} mehr`,
     less: (figure) => `${figure} weniger`,
     roads: "Routen",

@@ -175,11 +175,9 @@ export const en = {
     plugs: { type2_combo: "CCS", chademo: "CHAdeMO", type2: "Type 2", type2_cable: "Type 2" },
     neededBelow: (soc: string) => `only needed if you have less than ${soc} there`,
     ifFull: (station: string, arrival: string, more: string, chance: string) =>
-      `If it is full: ${station}, reached with ${arrival} (${chance}), ${more}.`,
+      `If it is full: ${station}, reached with ${arrival} (${chance})${more && `, ${more}`}.`,
     noOther: "If it is occupied, no other station helps.",
-    sameTime: "same time",
     longer: (time: string) => `${time} longer`,
-    sameEnergy: "same energy",
     more: (figure: string) => `${figure} more`,
     less: (figure: string) => `${figure} less`,
     roads: "Routes",

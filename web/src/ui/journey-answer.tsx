@@ -1,4 +1,4 @@
-import type { ChargingPlan, Journey, Road, Stop } from "../api/documents";
+import type { ChargingPlan, Journey, Road, Stop, Whole } from "../api/documents";
 import { hundredthsOf, verdictOf } from "../model/arrival";
 import { BELOW } from "../model/answer";
 import { HERE_M, leadsElsewhere } from "../model/stations";
@@ -36,22 +36,16 @@ export function labelOf({ roads }: Journey, index: number): string {
   return labels.map((label) => names[label] ?? label).join(", ") || words.road(index + 1);
 }
 
-/** Time and energy, or how they differ from those of the first one. */
-function figuresText(times: readonly number[], energies: readonly number[], index: number): string {
+/** Time and energy, or by how much they differ from those of the first one. */
+function figuresText(whole: Whole, first: Whole): string[] {
   const { duration, shown } = format.value;
   const { journey: words } = text.value;
-  const [s0 = 0, s = 0] = [times[0], times[index]];
-  const [wh0 = 0, wh = 0] = [energies[0], energies[index]];
-  if (index === 0) return `${duration(s)} · ${shown(wh, ENERGY)}`;
-  const parts = [
-    Math.abs(s - s0) < MIN_SHOWN_S
-      ? words.sameTime
-      : words[s > s0 ? "longer" : "less"](duration(Math.abs(s - s0))),
-    Math.abs(wh - wh0) < MIN_SHOWN_WH
-      ? words.sameEnergy
-      : words[wh > wh0 ? "more" : "less"](shown(Math.abs(wh - wh0), ENERGY)),
+  const [s, wh] = [whole.duration_s - first.duration_s, whole.energy_wh - first.energy_wh];
+  if (whole === first) return [duration(whole.duration_s), shown(whole.energy_wh, ENERGY)];
+  return [
+    Math.abs(s) < MIN_SHOWN_S ? "" : words[s > 0 ? "longer" : "less"](duration(Math.abs(s))),
+    Math.abs(wh) < MIN_SHOWN_WH ? "" : words[wh > 0 ? "more" : "less"](shown(Math.abs(wh), ENERGY)),
   ];
-  return parts.join(" · ");
 }
 
 /** How likely a road keeps the reserve, where that is in doubt. */
@@ -67,67 +61,60 @@ function Doubt({ chance }: { chance: number }) {
   );
 }
 
-/** The roads of a journey to choose from: the first with its time and energy, the others with what differs; of one that does not arrive there is nothing to gain. */
-function Roads({ of }: { of: Journey }) {
-  const { shown } = format.value;
-  const times = of.roads.map(({ whole }) => whole.duration_s);
-  const energies = of.roads.map(({ whole }) => whole.energy_wh);
-  const options = of.roads.map((road: Road, k) => {
-    const { whole, distance_m, charging = null } = road;
-    const { course } = (k === 0 ? of.charging : charging) ?? {};
-    const wayM = course?.position_m.at(-1) ?? distance_m;
+/** Its name, totals and length [m]. */
+type Alternative = readonly [string, Whole, number];
+
+/** Plans or roads to choose from, each once: the first with its time and energy, the others with what differs; of one that does not arrive there is nothing to gain. */
+function alternatives(all: Alternative[]) {
+  const { duration, shown } = format.value;
+  const far = (wayM: number) => shown(wayM, units.value.distance, wayM < 100_000 ? 1 : 0);
+  const looks = all.map(([, { charges, duration_s, soc_arrival }, wayM]) =>
+    [far(wayM), charges, duration(duration_s), shown(soc_arrival, PERCENT)].join(),
+  );
+  const options = all.map(([name, whole, wayM], k) => {
     const figures = [
-      verdictOf(whole.p_reserve) !== "bad" && figuresText(times, energies, k),
-      shown(wayM, units.value.distance, wayM < 100_000 ? 1 : 0),
+      ...(verdictOf(whole.p_reserve) === "bad" ? [] : figuresText(whole, (all[0] as Alternative)[1])),
+      far(wayM),
       whole.charges > 0 && text.value.journey.stops(whole.charges),
     ];
-    return [
-      k,
+    const label = (
       <>
-        <b>{labelOf(of, k)}</b>
+        <b>{name}</b>
         <small>{figures.filter(Boolean).join(" · ")}</small>
         <Doubt chance={whole.p_reserve} />
-      </>,
-    ] as const;
+      </>
+    );
+    return [k, label] as const;
   });
-  return (
-    <Choice
-      label={text.value.journey.roads}
-      class="roads"
-      value={chosenRoad.value}
-      options={options}
-      onChoose={chooseRoad}
-    />
+  const firstOf = (k: number) => looks.indexOf(looks[k] ?? "");
+  return { firstOf, options: options.filter(([k]) => firstOf(k) === k) };
+}
+
+/** The roads of a journey to choose from. */
+function Roads({ of }: { of: Journey }) {
+  const { firstOf, options } = alternatives(
+    of.roads.map(({ whole, distance_m, charging }: Road, k) => {
+      const { course } = (k === 0 ? of.charging : charging) ?? {};
+      return [labelOf(of, k), whole, course?.position_m.at(-1) ?? distance_m];
+    }),
   );
+  const { roads: label } = text.value.journey;
+  const value = firstOf(chosenRoad.value);
+  return <Choice label={label} class="roads" value={value} options={options} onChoose={chooseRoad} />;
 }
 
 /** Other plans of charging stops. */
 function Plans({ plans }: { plans: ChargingPlan[] }) {
-  const { journey: words } = text.value;
-  const names: Record<string, string> = words.plans;
-  const times = plans.map(({ duration_s }) => duration_s);
-  const energies = plans.map(({ energy_wh }) => energy_wh);
-  const options = plans.map(
-    ({ label, stops, p_reserve }, k) =>
-      [
-        k,
-        <>
-          <b>{names[label] ?? label}</b>
-          <small>
-            {words.stops(stops.length)} · {figuresText(times, energies, k)} ·{" "}
-            {text.value.result.glanceReserve(chanceInFigures(p_reserve))}
-          </small>
-        </>,
-      ] as const,
+  const { chargingPlans: label, plans: names } = text.value.journey;
+  const { firstOf, options } = alternatives(
+    plans.map((plan) => {
+      const whole = { ...plan, charges: plan.stops.length };
+      return [names[plan.label], whole, plan.course.position_m.at(-1) ?? 0];
+    }),
   );
+  const value = firstOf(chosenCharging.value);
   return (
-    <Choice
-      label={words.chargingPlans}
-      class="roads"
-      value={chosenCharging.value}
-      options={options}
-      onChoose={into(chosenCharging)}
-    />
+    <Choice label={label} class="roads" value={value} options={options} onChoose={into(chosenCharging)} />
   );
 }
 
@@ -144,8 +131,7 @@ function StopRow({ of, isTold }: { of: Stop; isTold: boolean }) {
         {stationName(station)}
         <span class="figures">
           {chargerParts(station).map((part) => ` · ${part}`)}
-          {` · ${shown(of.position_m, units.value.distance, 0)}`}
-          {` · ${day} ${at}`}
+          {` · ${shown(of.position_m, units.value.distance, 0)} · ${day} ${at}`}
         </span>
       </h4>
       <p>
@@ -164,7 +150,7 @@ function StopRow({ of, isTold }: { of: Stop; isTold: boolean }) {
           ? words.ifFull(
               stationName(full.station),
               (full.soc_arrival < reserve ? words.only : String)(shown(full.soc_arrival, PERCENT)),
-              full.more_s < MINUTE_S ? words.sameTime : words.longer(duration(full.more_s)),
+              full.more_s < MINUTE_S ? "" : words.longer(duration(full.more_s)),
               chanceInFigures(full.p_reach),
             )
           : !leadsElsewhere(chargingPlan.value, chargingPlans.value) && words.noOther}
