@@ -468,6 +468,8 @@ def test_who_charges_at_the_start_drives_nowhere_first_and_a_doubtful_charge_is_
     whole_answer(page, lambda: page.get_by_role("slider", name="Battery at departure").fill("8"))
     page.get_by_role("heading", name="Charge here first, then you will arrive").wait_for()
     assert page.locator(".todo ~ .headline").count() == 1
+    assert "charging now" in page.locator(".whole").inner_text()
+    assert page.locator(".reason").count() == 0  # who charges first does not leave with less than the reserve
     here = page.locator(".todo:not(.old) li", has_text="Halbweg").inner_text()
     assert "150\u00a0kW." in here
     assert "You get there" not in here

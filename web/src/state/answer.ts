@@ -5,7 +5,7 @@ import type { ChargingPlan, Course, Stop } from "../api/documents";
 import { type Answer, answerOf, answerWithStops, decisiveChance, riskyStop } from "../model/answer";
 import { verdictOf } from "../model/arrival";
 import { distanceNear, type Point, positionNear } from "../model/road";
-import { isSame } from "../model/stations";
+import { HERE_M, isSame } from "../model/stations";
 import { conditions } from "./conditions";
 import { driving, shownForecast } from "./drive";
 import { forecastIsOld, mode, problem, requested } from "./forecast";
@@ -18,6 +18,9 @@ export const chargingPlan = computed((): ChargingPlan | null => {
   if (!trip.value?.stops || mode.value !== "plan") return null;
   return chargingPlans.value[chosenCharging.value] ?? chargingPlans.value[0] ?? null;
 });
+
+/** Whether the plan begins with charging where the journey begins. */
+export const chargesHere = computed(() => (chargingPlan.value?.stops[0]?.position_m ?? HERE_M) < HERE_M);
 
 /** The stop that the plan which is shown may not reach with the reserve. */
 export const stopInDoubt = computed((): Stop | null => chargingPlan.value && riskyStop(chargingPlan.value));

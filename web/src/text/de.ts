@@ -378,6 +378,7 @@ const de: Text = {
     arrivesAt: "Ankunft",
     backAt: "Zurück um",
     leavingNow: "bei Abfahrt jetzt",
+    chargingNow: "bei Ladebeginn jetzt",
     duration: "Gesamtzeit",
     drivingAlone: "Reine Fahrzeit",
     ofItCharging: (time, overhead) => `${time} laden, ${overhead} anstecken`,

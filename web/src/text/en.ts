@@ -373,6 +373,7 @@ export const en = {
     arrivesAt: "Arrival",
     backAt: "Back at",
     leavingNow: "leaving now",
+    chargingNow: "charging now",
     duration: "Total time",
     drivingAlone: "Driving alone",
     ofItCharging: (time: string, more: string) => `${time} charging, ${more} plugging in`,

@@ -14,6 +14,7 @@ import { car } from "../state/car";
 import { conditions } from "../state/conditions";
 import {
   answer,
+  chargesHere,
   chargingPlan,
   clock,
   halts,
@@ -103,9 +104,10 @@ function sentence(now: Answer): string {
   const of = isStuck.value ? shownForecast.value : null;
   const emptyM = of && emptyAfterM(of);
   if (of && emptyM !== null) return words.doNotSetOut(lastsText(of, emptyM));
-  const [first] = reasonOfJourney() === BELOW ? (chargingPlan.value?.stops ?? []) : [];
-  if (first && shownVerdict(now) === "good")
-    return first.position_m < HERE_M ? words.hereFirst : words.thereFirst(farText(first.position_m));
+  const first = chargingPlan.value?.stops[0];
+  const isBelow = reasonOfJourney() === BELOW;
+  if (chargesHere.value && shownVerdict(now) === "good") return words.hereFirst;
+  if (first && isBelow && shownVerdict(now) === "good") return words.thereFirst(farText(first.position_m));
   const isRound = (trip.value?.pauseS ?? null) !== null;
   const stops = now.charges > 0 ? words.withStops(now.charges) : "";
   if (shownVerdict(now) === "good") return (isRound ? words.arrivesBack : words.arrives) + stops;
@@ -113,9 +115,8 @@ function sentence(now: Answer): string {
   if (reasonOfJourney() === HEIGHTS) return probably;
   const stop = stopInDoubt.value;
   if (stop && now.pArrive >= 0.5) {
-    const isLow = reasonOfJourney() === BELOW && stop === first; // the reserve counts from there on
     const name = stationName(stop.station);
-    return isLow ? words.stopMissed(name) : words.stopBelow(name, stop.p_reach < 0.5);
+    return isBelow && stop === first ? words.stopMissed(name) : words.stopBelow(name, stop.p_reach < 0.5);
   }
   if (now.pArrive >= OPEN[1]) return words.belowReserve;
   if (decisiveChance(now) >= PROBABLE) return probably;
@@ -169,7 +170,7 @@ function Whole({ now, isEmpty }: { now: Answer; isEmpty: boolean }) {
         <Stat label={turn.value ? words.backAt : words.arrivesAt}>
           {time}
           {day && <small>{day}</small>}
-          {at.isNow && <small>{words.leavingNow}</small>}
+          {at.isNow && <small>{chargesHere.value ? words.chargingNow : words.leavingNow}</small>}
         </Stat>
       )}
       <Stat label={isLookingForStops.value ? words.drivingAlone : words.duration}>
@@ -188,7 +189,7 @@ function Whole({ now, isEmpty }: { now: Answer; isEmpty: boolean }) {
 function reasonText(): string | null {
   const reason = reasonOfJourney();
   if (reason === HEIGHTS) return text.value.verdict.unknownHeights;
-  if (reason !== BELOW) return null;
+  if (reason !== BELOW || chargesHere.value) return null; // who charges first leaves with more
   const reserve = format.value.shown(requested.value.at.reserve, PERCENT);
   return text.value.verdict.leavesBelow(reserve, chargingPlan.value !== null);
 }
