@@ -443,7 +443,7 @@ def test_who_charges_at_the_start_drives_nowhere_first_and_a_doubtful_charge_is_
         answer = route.fetch().json()
         if route.request.post_data_json.get("answers") is not False:
             whole = charging(answer, "best effort", 0.45, 12.0)
-            whole["stops"] = [whole["stops"][0] | {"position_m": away, "if_full": None}]
+            whole["stops"] = [whole["stops"][0] | {"position_m": away, "if_full": None, "needed_below": 0.1}]
             whole["stops"][0]["p_reach"] = 0.98 if below else 0.81
             answer["charging"] = whole | ({} if below else {"p_arrive": 0.96, "p_reserve": 0.81})
             answer["verdict"]["reason"] = "leaves_below_reserve" if below else "to_a_stop"
@@ -479,6 +479,7 @@ def test_who_charges_at_the_start_drives_nowhere_first_and_a_doubtful_charge_is_
     there.wait_for()
     assert there.inner_text().count("150\u00a0kW") == 1
     assert "you arrive there" not in page.locator(".stops").inner_text()  # once is enough
+    assert "only needed" not in page.locator(".stops").inner_text()  # less than the charge there can be
     assert "The reserve counts only from the first" in page.locator(".verdict .reason").inner_text()
     page.unroute("**/v1/journeys")
 

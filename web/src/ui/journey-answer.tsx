@@ -123,6 +123,7 @@ function StopRow({ of, isTold }: { of: Stop; isTold: boolean }) {
   const { duration, shown, span } = format.value;
   const { reserve } = requested.value.at;
   const { station, if_full: full } = of;
+  const [low, high] = of.soc_interval;
   const time = words.chargingTime(span(of.charging_s), of.pause_s > 0);
   const [at, day] = clockAfter(of.arrives_after_s);
   return (
@@ -142,7 +143,9 @@ function StopRow({ of, isTold }: { of: Stop; isTold: boolean }) {
             : !isTold &&
               ` · ${words.arriveThere(rangeWithUnit(of.soc_interval, PERCENT))} · ${words.reached(chanceInFigures(of.p_reach))}`}
           {of.preheat && ` · ${words.preheat}`}
-          {of.needed_below <= of.soc_interval[1] && ` · ${words.neededBelow(upwards(of.needed_below))}`}
+          {of.needed_below > low &&
+            of.needed_below <= high &&
+            ` · ${words.neededBelow(upwards(of.needed_below))}`}
         </span>
       </p>
       <p class="note">
