@@ -140,7 +140,7 @@ const de: Text = {
     best: (action, chance) =>
       `${action}: Dann kommen ${chance} an, mit Ladestopps. Stellen Sie es bei den Bedingungen ein, um zu sehen, wo.`,
     nearest: "Die nächste Ladestation ist",
-    straight: (far) => `, ${far} Luftlinie entfernt.`,
+    away: (far, isByRoad) => `, ${far} ${isByRoad ? "auf der Straße" : "Luftlinie"} entfernt.`,
     stationHere: "Hier ist eine Ladestation:",
     chargeThere: ". Laden Sie dort vor der Abfahrt.",
     callHelp: "Wenn Sie hier nicht laden können, rufen Sie Hilfe.",

@@ -135,7 +135,7 @@ export const en = {
     best: (action: string, chance: string) =>
       `${action}: then ${chance} arrive, with charging stops. Set it in the conditions to see where.`,
     nearest: "The nearest charging station is",
-    straight: (far: string) => `, ${far} away in a straight line.`,
+    away: (far: string, isByRoad: boolean) => `, ${far} ${isByRoad ? "by road" : "away in a straight line"}.`,
     stationHere: "There is a charging station here:",
     chargeThere: ". Charge there before you set out.",
     callHelp: "If you cannot charge here, call for help.",

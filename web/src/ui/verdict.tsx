@@ -2,16 +2,23 @@
 
 import { computed } from "@preact/signals";
 import { getCar } from "../api/client";
-import type { ChargingPlan, Forecast, OwnCarSummary, Place, Station, Stop } from "../api/documents";
+import type { ChargingPlan, Forecast, OwnCarSummary, Place, Road, Station, Stop } from "../api/documents";
 import { type Answer, BELOW, decisiveChance, verdictOfAnswer } from "../model/answer";
-import { chanceOf, emptyAfterM, socFromEnergy, type Verdict } from "../model/arrival";
+import {
+  arrivalBand,
+  chanceAtAll,
+  chanceOf,
+  emptyAfterM,
+  socFromEnergy,
+  type Verdict,
+} from "../model/arrival";
 import { isBetter, seenIn } from "../model/diary";
 import { warningsOf } from "../model/flags";
-import { HERE_M, leadsElsewhere } from "../model/stations";
+import { HERE_M, leadsElsewhere, placeOfStation } from "../model/stations";
 import { ENERGY, PERCENT } from "../model/units";
 import { source } from "../state/catalogue";
 import { car } from "../state/car";
-import { conditions } from "../state/conditions";
+import { type Conditions, conditions } from "../state/conditions";
 import {
   answer,
   chargesHere,
@@ -343,25 +350,41 @@ function Halts({ plan }: { plan: ChargingPlan | null }) {
   );
 }
 
+/** The road of a journey by the quick answer to a request; null where nothing is asked. */
+function useRoad(of: Trip, at: Conditions, isAsked: boolean): Road | null {
+  const body = JSON.stringify(isAsked && journeyRequest(of, at, car.value));
+  const ask = async () => (isAsked ? askJourney(JSON.parse(body), false) : null);
+  return useAsked(ask, [body])?.roads[0] ?? null;
+}
+
 /** That no charging stop helps, which station is the nearest, and how far a full battery helps where it `isShort`. */
 function NoStop({ of, from, isShort }: { of: Trip; from: Place; isShort: boolean }) {
   const nearest = useAsked(() => nearestStation(from), [from]);
-  const at = { ...conditions.value, soc: 1 };
-  const body = JSON.stringify(isShort && journeyRequest(of, at, car.value));
-  const full = useAsked(async () => (isShort ? askJourney(JSON.parse(body), false) : null), [body]);
-  const [road] = full?.roads ?? [];
-  const chance = road ? chanceOf(road.forecast, at.reserve) : null;
-  const { journey: words } = text.value;
   const isHere = nearest !== null && nearest.farM < HEREABOUTS_M;
+  const there = nearest ? [from, { ...placeOfStation(nearest.of, ""), kind: "" }] : [];
+  const way = useRoad({ ...of, stops: there, pauseS: null }, conditions.value, nearest !== null && !isHere);
+  const full = useRoad(of, { ...conditions.value, soc: 1 }, isShort);
+  const chance = full ? chanceOf(full.forecast, conditions.value.reserve) : null;
+  const { journey: words } = text.value;
   return (
     <>
       {map.value?.stations === 0 ? words.noStations : words.noStopHelps}{" "}
       {nearest && (
         <>
           {isHere ? words.stationHere : words.nearest} <StationLink of={nearest.of} />
-          {isHere ? words.chargeThere : words.straight(farText(nearest.farM))}{" "}
+          {isHere
+            ? words.chargeThere
+            : words.away(farText(way?.distance_m ?? nearest.farM), way !== null)}{" "}
         </>
       )}
+      {way &&
+        `${words.reachedAtAll(
+          chanceInFigures(chanceAtAll(way.forecast)),
+          rangeWithUnit(
+            arrivalBand(way.forecast).map((soc) => Math.max(soc, 0)),
+            PERCENT,
+          ),
+        )} `}
       {chance !== null &&
         words.evenFull(format.value.shown(1, PERCENT), chanceInFigures(chance), chance < 0.01)}
     </>
