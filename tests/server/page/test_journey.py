@@ -607,6 +607,45 @@ def test_who_reaches_no_station_is_told_not_to_set_out_and_then_what_to_do(page:
     page.unroute("**/v1/map/view**")
 
 
+def test_a_chosen_station_that_does_not_help_says_why(
+    page: Any, planner: Service, expected: list[str]
+) -> None:
+    expected.append("422")
+    fault = {"code": "no-charging-station-for-this-car", "what": "no", "where": "Halbweg"}
+    problem = {"type": "/problems/invalid-input", "title": "", "status": 422, "faults": [fault]}
+    soc: float | None = -0.07
+
+    def answered(route: Any) -> None:
+        body = route.request.post_data_json
+        if soc is None and len(body["stops"]) == 3:
+            return route.fulfill(status=422, json=problem, content_type="application/problem+json")
+        body["stops"] = [body["stops"][0], body["stops"][-1]]  # the router of these tests has one road
+        answer = route.fetch(post_data=json.dumps(body)).json()
+        answer |= {"charging": None, "charging_alternatives": []}
+        halfway = [{"position_m": answer["roads"][0]["distance_m"] / 2.0, "displayed_soc": soc}]
+        answer["roads"] = [road | {"charging": None, "stops": halfway} for road in answer["roads"]]
+        return route.fulfill(json=answer)
+
+    page.route("**/v1/journeys", answered)
+    places = "place=Westend%4047,9&station=Halbweg%4047,9.05&place=Ostheim%4047,9.1"
+    page.goto(f"{planner.url}/licences.txt")
+    page.goto(f"{planner.url}/#trip=journey&{places}&soc=0.02&vehicle=bmw_i3_60ah")
+    page.get_by_text("“Halbweg” is out of reach with this charge.").wait_for()
+    for there, told in (
+        (0.03, "You would reach “Halbweg” with about 3"),
+        (0.2, "Even after charging at “Halbweg”"),
+    ):
+        soc = there
+        page.reload()
+        page.get_by_text(told).wait_for()
+    soc = None
+    page.reload()
+    page.get_by_role("alert").get_by_text("“Halbweg” has no plug for this car").wait_for()
+    page.get_by_role("alert").get_by_role("button", name="Do not stop here").click()
+    page.get_by_role("alert").wait_for(state="detached")
+    page.unroute("**/v1/journeys")
+
+
 @pytest.mark.parametrize(
     ("spare", "told"), [(0.0, ". Do not leave with less."), (0.04, ", with little to spare.")]
 )

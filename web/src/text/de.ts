@@ -136,6 +136,9 @@ const de: Text = {
       `Wenn Sie hier laden können: auf ${soc} vor der Abfahrt.${isLow ? " Sonst rufen Sie Hilfe." : ""}`,
     noStations: "Diese Karte hat keine Ladestationen.",
     noStopHelps: "Mit dieser Ladung wurde kein Ladestopp gefunden, mit dem Sie ankommen.",
+    outOfReach: (station) => `Mit dieser Ladung erreichen Sie „${station}“ nicht.`,
+    tooLow: (station, soc) => `„${station}“ würden Sie mit etwa ${soc} erreichen: zu wenig.`,
+    notBeyond: (station) => `Auch nach dem Laden an „${station}“ kommen Sie nicht mit der Reserve an.`,
     evenFull: (full, chance, isNever) => `Selbst ${full} reichen ${isNever ? "" : "nur "}bei ${chance}.`,
     best: (action, chance) =>
       `${action}: Dann kommen ${chance} an, mit Ladestopps. Stellen Sie es bei den Bedingungen ein, um zu sehen, wo.`,
@@ -842,6 +845,7 @@ const de: Text = {
   problems: {
     status: (status) => `HTTP ${status}`,
     retry: "Erneut versuchen",
+    unfit: (station) => `„${station}“ hat keinen Stecker für dieses Auto oder ist zu weit von der Straße.`,
     at: (where) => ` bei ${where}`,
     allowed: (allowed) => ` (erlaubt: ${allowed})`,
     more: (faults) => `und ${faults} weitere`,

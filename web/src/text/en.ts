@@ -130,6 +130,9 @@ export const en = {
       `If you can charge here: to ${soc} before you set out.${isLow ? " Otherwise call for help." : ""}`,
     noStations: "This map has no charging stations.",
     noStopHelps: "With this charge, no charging stop was found with which you arrive.",
+    outOfReach: (station: string) => `“${station}” is out of reach with this charge.`,
+    tooLow: (station: string, soc: string) => `You would reach “${station}” with about ${soc}: too little.`,
+    notBeyond: (station: string) => `Even after charging at “${station}” you do not arrive with the reserve.`,
     evenFull: (full: string, chance: string, isNever: boolean) =>
       `Even ${full} is enough in ${isNever ? "" : "only "}${chance}.`,
     best: (action: string, chance: string) =>
@@ -842,6 +845,7 @@ export const en = {
   problems: {
     status: (status: number) => `HTTP ${status}`,
     retry: "Try again",
+    unfit: (station: string) => `“${station}” has no plug for this car, or is too far from the road.`,
     at: (where: string) => ` at ${where}`,
     allowed: (allowed: string) => ` (allowed: ${allowed})`,
     more: (faults: number) => `and ${faults} more`,

@@ -1,13 +1,17 @@
 import type { Problem } from "../api/documents";
 import { FAILED, UNREACHABLE } from "../api/client";
-import { loading, retry, source } from "../state/catalogue";
+import { loading, passBy, retry, source } from "../state/catalogue";
 import { PAGE_ERROR, problem } from "../state/forecast";
+import { vias } from "../state/journey";
 import { type Said, said } from "../state/messages";
 import { text } from "../state/preferences";
 import { trip } from "../state/trip";
 import { FaultList } from "./faults";
 import { Icon } from "./icons";
 import { Button } from "./parts";
+
+/** Code of the fault of a station that was chosen. */
+const UNFIT = "no-charging-station-for-this-car";
 
 /** Title and detail of a problem. */
 function problemText({ type, title, status, detail: given }: Problem): { title: string; detail: Said } {
@@ -29,6 +33,17 @@ export function Failure() {
   if (!failure) return null;
   const { problems } = text.value;
   const { title, detail } = problemText(failure);
+  const unfit = failure.faults?.find(({ code }) => code === UNFIT)?.where;
+  const stop = vias.value.find((one) => unfit && one?.name === unfit);
+  if (unfit && stop) {
+    return (
+      <div class="failure" role="alert">
+        <Icon name="warning" />
+        <strong>{problems.unfit(unfit)}</strong>
+        <Button onClick={() => passBy(stop)} label={text.value.map.passBy} />
+      </div>
+    );
+  }
   return (
     <div class="failure" role="alert">
       <Icon name="warning" />

@@ -14,7 +14,7 @@ import {
 } from "../model/arrival";
 import { isBetter, seenIn } from "../model/diary";
 import { warningsOf } from "../model/flags";
-import { HERE_M, leadsElsewhere, placeOfStation } from "../model/stations";
+import { HERE_M, leadsElsewhere, placeOfStation, STATION_KIND } from "../model/stations";
 import { ENERGY, PERCENT } from "../model/units";
 import { source } from "../state/catalogue";
 import { car } from "../state/car";
@@ -357,6 +357,18 @@ function useRoad(of: Trip, at: Conditions, isAsked: boolean): Road | null {
   return useAsked(ask, [body])?.roads[0] ?? null;
 }
 
+/** That no charging stop helps: of the station that the driver chose, why. */
+function noHelpText({ stops }: Trip): string {
+  const { journey: words } = text.value;
+  const at = stops?.findIndex(({ kind }) => kind === STATION_KIND) ?? -1;
+  const soc = journey.value?.roads[chosenRoad.value]?.stops[at - 1]?.displayed_soc;
+  const name = stops?.[at]?.name ?? "";
+  if (soc === undefined) return map.value?.stations === 0 ? words.noStations : words.noStopHelps;
+  if (soc < SHOWN_SOC) return words.outOfReach(name);
+  if (soc >= requested.value.at.reserve) return words.notBeyond(name);
+  return words.tooLow(name, format.value.shown(soc, PERCENT));
+}
+
 /** That no charging stop helps, which station is the nearest, and how far a full battery helps where it `isShort`. */
 function NoStop({ of, from, isShort }: { of: Trip; from: Place; isShort: boolean }) {
   const nearest = useAsked(() => nearestStation(from), [from]);
@@ -368,7 +380,7 @@ function NoStop({ of, from, isShort }: { of: Trip; from: Place; isShort: boolean
   const { journey: words } = text.value;
   return (
     <>
-      {map.value?.stations === 0 ? words.noStations : words.noStopHelps}{" "}
+      {noHelpText(of)}{" "}
       {nearest && (
         <>
           {isHere ? words.stationHere : words.nearest} <StationLink of={nearest.of} />
