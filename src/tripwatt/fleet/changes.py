@@ -41,6 +41,10 @@ MIN_CHANGE: Final = 0.02
 MIN_TRIPS: Final = 8
 """Smallest number of trips before and after a change: a choice, because fewer do not show their own spread."""
 
+_COLUMNS: Final = ("vehicle_id", "car_model", "cause", "probability", "since", "from_day", "to_day", "change", "sd", "z",
+                   "before", "after")  # fmt: skip
+"""Columns of the listed changes."""
+
 _MAX_CHANGES: Final = 3
 """Largest number of changes of one vehicle and quantity: a choice, because a table of more is not read."""
 
@@ -117,9 +121,7 @@ def changes(rows: TripRows) -> pd.DataFrame:
     series = list(vehicle_series(rows))
     tests = sum(max(len(s.y) - 2 * MIN_TRIPS, 0) * len(s.causes) for s in series)
     listed = [row for s in series for row in series_changes(s, FALSE_CHANGES / max(tests, 1))]
-    columns = ["vehicle_id", "car_model", "cause", "probability", "since", "from_day", "to_day", "change", "sd", "z",
-               "before", "after"]  # fmt: skip
-    table = pd.DataFrame(listed, columns=columns)
+    table = pd.DataFrame(listed, columns=[*_COLUMNS])
     return table.sort_values("change", key=np.abs, ascending=False, ignore_index=True)
 
 
@@ -325,21 +327,9 @@ def series_changes(series: VehicleSeries, chance: float) -> Iterator[dict[str, o
         z = share / sd
         if 2.0 * student.sf(abs(z), max(len(series.y) - 4, 1)) > chance or abs(share) < MIN_CHANGE:
             return
-        probability, since, from_day, to_day = scan.certainty(cause, series.day)
-        yield {
-            "vehicle_id": series.vehicle_id,
-            "car_model": series.car_model,
-            "cause": cause,
-            "probability": probability,
-            "since": f"{since}",
-            "from_day": f"{from_day}",
-            "to_day": f"{to_day}",
-            "change": share,
-            "sd": sd,
-            "z": z,
-            "before": k,
-            "after": len(series.y) - k,
-        }
+        probability, *days = scan.certainty(cause, series.day)
+        named = series.vehicle_id, series.car_model, cause, probability, *map(str, days)
+        yield dict(zip(_COLUMNS, (*named, share, sd, z, k, len(series.y) - k), strict=True))
         step = (series.X @ series.causes[cause]) * (np.arange(len(series.y)) >= k)
         X, prior = np.column_stack([X, step]), np.append(prior, 1e2)
         may_begin &= np.abs(np.arange(len(may_begin)) - k) >= MIN_TRIPS
