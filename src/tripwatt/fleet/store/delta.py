@@ -129,7 +129,7 @@ class DeltaFolder:
         """Append rows in one commit; the commit is tried again if another writer was first."""
         self._retry(lambda table: self._write(table, rows, tries=_MAX_TRIES))
 
-    def append_checked(self, rows_for: Callable[[Any], pa.Table | None]) -> None:
+    def append_checked(self, rows_for: Callable[[Any], pa.Table | None], opened: Any) -> None:
         """Append rows that depend on the rows of the table; the commit succeeds only on the version that was read.
 
         Parameters
@@ -137,8 +137,12 @@ class DeltaFolder:
         rows_for : callable
             Function from the opened table to the rows to append, or None if there are none. The function is called again if another
             writer was first.
+        opened : deltalake.DeltaTable
+            The table, opened before. It takes the newest version, since its log is long to read anew.
         """
-        self._retry(lambda table: self._write(table, rows_for(table), tries=0))
+        with _delta_errors(self.place):
+            opened.update_incremental()
+        self._retry(lambda table: self._write(table, rows_for(table), tries=0), opened)
 
     def _write(self, table: Any, rows: pa.Table | None, *, tries: int) -> None:
         """Append rows in one commit, which `deltalake` repeats up to `tries` times."""
@@ -175,15 +179,15 @@ class DeltaFolder:
         with suppress(require_deltalake().exceptions.DeltaError, OSError):
             self.open().optimize.compact(target_size=target_size, writer_properties=_writer_properties())
 
-    def _retry(self, action: Callable[[Any], Result]) -> Result:
+    def _retry(self, action: Callable[[Any], Result], opened: Any = None) -> Result:
         """Call an action on the newest version, again while other writers are first, at most `_MAX_TRIES` times."""
         conflict = require_deltalake().exceptions.CommitFailedError
         for _ in range(_MAX_TRIES):
             try:
                 with _delta_errors(self.place):
-                    return action(self.open())
+                    return action(opened or self.open())
             except conflict:
-                continue
+                opened = None
         got = f"{_MAX_TRIES} commits of other writers came first"
         allowed = "fewer writers at once, or larger batches"
         raise InvalidInput.of("trip store is busy", self.place, got, allowed)

@@ -60,6 +60,9 @@ commit takes a day."""
 _KEPT_HOURS: Final = 168
 """Time for which old versions are kept for readers at work [h]: the default of Delta Lake."""
 
+KEYS: Final = pa.schema([(name, pa.string()) for name in ("digest", "vehicle_id", "trip_id")])
+"""Columns of `trips` that show whether a log is in the store."""
+
 FINDINGS: Final = ("trimmed", "split", "set_aside", "noted")
 """Columns of `TripStore.trips` with the number of findings of the audit, by consequence."""
 
@@ -177,6 +180,7 @@ class TripStore:
     place: str
     options: Mapping[str, str] = field(default_factory=dict)
     buckets: int = _BUCKETS
+    _keys: dict[str, pa.Table] = field(default_factory=dict, compare=False)
 
     @property
     def samples(self) -> DeltaFolder:
@@ -243,7 +247,7 @@ class TripStore:
         """Commit the logs that are new; their samples are written first, and dropped again if another writer commits the logs first."""
         unique = list({s.row["digest"]: s for s in stored}.values())
         before = self.rows.open()
-        new = self._unknown(unique, before)
+        version, new = before.version(), self._unknown(unique, before)
         if not new:
             return Added(known=len(stored))
         batch = f"{time.time_ns():020d}-{uuid.uuid4().hex[:12]}"
@@ -251,12 +255,12 @@ class TripStore:
         committed: list[StoredLog] = []
 
         def rows_for(table: Any) -> pa.Table | None:
-            committed[:] = new if table.version() == before.version() else self._unknown(new, table)
+            committed[:] = new if table.version() == version else self._unknown(new, table)
             rows = [{**s.row, "batch": batch} for s in committed]
             return pa.Table.from_pylist(rows, schema=TRIPS) if rows else None
 
         try:
-            self.rows.append_checked(rows_for)
+            self.rows.append_checked(rows_for, before)
         finally:
             # another writer added the same logs first: drop our samples
             if lost := [s.row["digest"] for s in new if s not in committed]:
@@ -274,12 +278,11 @@ class TripStore:
         InvalidInput
             If a vehicle has another log of the same id, in the table or among the logs.
         """
-        vehicles = sorted({s.row["vehicle_id"] for s in stored})
+        vehicles = pa.array({s.row["vehicle_id"] for s in stored}, pa.string())
         buckets = sorted({s.row["bucket"] for s in stored})
-        where = pc.field("bucket").isin(buckets) & is_one_of("vehicle_id", vehicles)
-        columns = ["digest", "vehicle_id", "trip_id"]
-        rows = table.to_pyarrow_dataset().to_table(columns=columns, filter=where)
-        known, *names = (rows[name].to_pylist() for name in columns)
+        keys = self._read_keys(table.to_pyarrow_dataset().get_fragments(pc.field("bucket").isin(buckets)))
+        rows = keys.filter(pc.is_in(keys["vehicle_id"], vehicles))
+        known, *names = (rows[name].to_pylist() for name in KEYS.names)
         known = set(known)
         taken = set(zip(*names, strict=True))
         unknown = [s for s in stored if s.row["digest"] not in known]
@@ -293,6 +296,15 @@ class TripStore:
             taken.add(key)
         raise_faults(faults)
         return unknown
+
+    def _read_keys(self, files: Iterable[Any]) -> pa.Table:
+        """Read `KEYS` of data files of `trips`, each once, because a file never changes."""
+        if len(self._keys) > 2 * FILES_A_BUCKET * self.buckets:
+            self._keys.clear()  # most are of files that were merged
+        for file in (files := [*files]):
+            if file.path not in self._keys:
+                self._keys[file.path] = file.to_table(columns=KEYS.names).cast(KEYS)
+        return pa.concat_tables([KEYS.empty_table(), *(self._keys[file.path] for file in files)])
 
     def trips(
         self,
@@ -487,9 +499,8 @@ class TripStore:
         for bucket, of_bucket in by_key(keys, lambda key: key[0]).items():
             # a predicate stays in the table's log, so it must not name the vehicle
             where = f"bucket = {bucket} AND digest IN ({_sql_texts([digest for _, digest in of_bucket])})"
-            self.samples.delete(
-                where
-            )  # first: without a row, a repeated call does not find those of a driver
+            # first: without a row, a repeated call does not find the samples of a driver
+            self.samples.delete(where)
             erased += self.rows.delete(where)
         # also of an earlier call that was killed before it came here
         for folder in (self.rows, self.samples):
