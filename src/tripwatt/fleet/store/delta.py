@@ -9,6 +9,7 @@ import json
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any, Final, TypeVar
 
@@ -60,9 +61,9 @@ def join_place(place: str, name: str) -> str:
     return f"{place.rstrip('/')}/{name}" if is_url(place) else str(Path(place) / name)
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class DeltaFolder:
-    """One Delta table, opened anew for each use, so that every result is of the newest version.
+    """One Delta table, opened anew for each use but to append, so that every result is of the newest version.
 
     Attributes
     ----------
@@ -125,9 +126,14 @@ class DeltaFolder:
             raise InvalidInput.of("no trip store", self.place, got, "a table that tripwatt made")
         return about
 
+    @cached_property
+    def _opened(self) -> Any:
+        """The table, opened once and kept up to date by what it appends; no commit of others matters for that."""
+        return self.open()
+
     def append(self, rows: pa.Table) -> None:
         """Append rows in one commit; the commit is tried again if another writer was first."""
-        self._retry(lambda table: self._write(table, rows, tries=_MAX_TRIES))
+        self._retry(lambda table: self._write(table, rows, tries=_MAX_TRIES), self._opened)
 
     def append_checked(self, rows_for: Callable[[Any], pa.Table | None], opened: Any) -> None:
         """Append rows that depend on the rows of the table; the commit succeeds only on the version that was read.

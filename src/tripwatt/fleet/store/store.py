@@ -11,7 +11,7 @@ import time
 import uuid
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import reduce
+from functools import cached_property, reduce
 from itertools import islice, pairwise
 from operator import and_
 from pathlib import Path
@@ -182,7 +182,7 @@ class TripStore:
     buckets: int = _BUCKETS
     _keys: dict[str, pa.Table] = field(default_factory=dict, compare=False)
 
-    @property
+    @cached_property
     def samples(self) -> DeltaFolder:
         """The table `samples`, with one row per sample."""
         return DeltaFolder(join_place(self.place, "samples"), self.options)
