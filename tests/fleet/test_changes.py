@@ -21,6 +21,7 @@ from tripwatt.fleet.changes import (
     changes,
     common_monthly_deviation,
     need_notes,
+    trip_variance,
     vehicle_series,
     without_trips_before_changes,
 )
@@ -195,6 +196,16 @@ def stepped(*steps, n=120):
     day = np.datetime64("2025-01-01") + at // 2
     X = np.full((n, 1), 100.0)
     return VehicleSeries("v", "m", day, y, np.full(n, 1.0), X, np.array([0.01]), {"a": np.ones(1)}, 100.0 * n)
+
+
+def test_the_variance_of_trips_is_fitted_by_what_it_grows_with():
+    rng = np.random.default_rng(SEED)
+    usual, road, base = rng.uniform(1.0, 4.0, (3, 5000))
+    true = 0.02 * usual + 0.3 * road**2
+    residual = rng.standard_normal(5000) * np.sqrt(true)
+    residual[::50] *= 30.0  # odd trips do not count
+    assert trip_variance(residual, usual, [road, base]) == pytest.approx(true, rel=0.1)
+    assert (trip_variance(np.zeros(9), usual[:9], [road[:9]]) > 0.0).all()
 
 
 def test_changes_are_listed_one_beside_the_other_and_three_at_most():

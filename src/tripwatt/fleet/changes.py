@@ -56,6 +56,8 @@ _HUBER_BOUND: Final = 2.0
 """Standardised error from which the weight of a trip falls: a choice, because normal errors lose little by it (Huber 1964 gives 1 to 2)."""
 _ODD_BOUND: Final = 4.0
 """The same for what car models, vehicles and drivers take: a choice, because only errors that are no chance may not count for others."""
+_LEAST_SHARE: Final = 0.1
+"""Least variance of a trip as a share of its usual one: a choice, because few trips may show none of it."""
 _ROUNDS: Final = 2
 """Number of times that the weights of trips follow their errors: a choice, because a third changes them little."""
 _READING_SD: Final = 0.001
@@ -274,23 +276,43 @@ def _series_by_vehicle(
     correction = (X * (base + driver)[code]).sum(axis=1)
     expected, y = expected + correction, residual - correction
     model, vehicle = (np.array([group[k] for group in groups]) for k in (0, 1))
-    relative = (y - (X * (of_vehicle - base)[code]).sum(axis=1)) / np.maximum(np.abs(expected), 1e-9)
+    own = (X * (of_vehicle - base)[code]).sum(axis=1)
+    relative = (y - own) / np.maximum(np.abs(expected), 1e-9)
     y = y - expected * common_monthly_deviation(model, vehicle, day, relative)
+    if BATTERY not in causes:
+        variance = trip_variance(y - own, variance, [X @ weights for weights in causes.values()])
     prior = posterior.scales.variances(2)
     return [
         VehicleSeries(
-            str(name),
-            str(model[i[0]]),
-            day[i],
-            y[i],
-            variance[i],
-            X[i],
-            prior,
-            causes,
-            float(expected[i].sum()),
+            f"{name}", model[i[0]], day[i], y[i], variance[i], X[i], prior, causes, expected[i].sum()
         )
         for name, i in pd.Series(vehicle).groupby(vehicle).indices.items()
     ]
+
+
+def trip_variance(residual: FloatArray, usual: FloatArray, parts: Sequence[FloatArray]) -> FloatArray:
+    """Fit the variance of trips: multiples of the usual one and of the squares of what each cause takes, which are not negative.
+
+    What wind, load and surface change of a trip grows with its road load, not with the energy that it moves to and fro in a town. Trips beyond
+    `_ODD_BOUND` standard deviations do not count.
+
+    Parameters
+    ----------
+    residual, usual : ndarray, shape (trips,)
+        Measured minus expected value, and its usual variance.
+    parts : sequence of ndarray, shape (trips,)
+        What each cause takes.
+    """
+    from scipy.optimize import nnls
+
+    terms, variance = np.column_stack([usual, *np.square(parts)]), usual
+    for _ in range(_ROUNDS):
+        ratio = residual**2 / variance
+        level = 1.4826**2 * float(np.median(ratio)) + 1e-9
+        counts = ratio <= _ODD_BOUND**2 * level
+        fitted = terms @ nnls(terms[counts] / variance[counts, None], ratio[counts])[0]
+        variance = np.maximum(fitted, _LEAST_SHARE * level * variance)
+    return variance
 
 
 def common_monthly_deviation(model: Any, vehicle: Any, day: Any, relative: FloatArray) -> FloatArray:
@@ -298,9 +320,8 @@ def common_monthly_deviation(model: Any, vehicle: Any, day: Any, relative: Float
 
     It is the median of the medians of the vehicles, and 0 if fewer than `_MIN_VEHICLES` vehicles drove in the month.
     """
-    frame = pd.DataFrame(
-        {"model": model, "month": day.astype("datetime64[M]"), "vehicle": vehicle, "r": relative}
-    )
+    month = day.astype("datetime64[M]")
+    frame = pd.DataFrame({"model": model, "month": month, "vehicle": vehicle, "r": relative})
     medians = frame.groupby(["model", "month", "vehicle"])["r"].median().groupby(["model", "month"])
     common = medians.median().where(medians.size() >= _MIN_VEHICLES, 0.0).rename("common")
     return np.asarray(frame.join(common, on=["model", "month"])["common"], dtype=np.float64)

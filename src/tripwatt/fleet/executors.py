@@ -84,12 +84,8 @@ def executor_for(n_jobs: int = 1, cluster: str | None = None) -> Iterator[Worker
     elif n_jobs < 1:
         raise InvalidInput.of("value out of range", "n_jobs", f"{n_jobs}", "at least 1")
     else:
-        several = n_jobs > 1
-        with (
-            futures.ProcessPoolExecutor(n_jobs, _process_context())
-            if several
-            else futures.ThreadPoolExecutor(1) as pool
-        ):
+        here = Workers().executor
+        with here if n_jobs == 1 else futures.ProcessPoolExecutor(n_jobs, _process_context()) as pool:
             yield Workers(pool, n_jobs)
 
 

@@ -506,9 +506,8 @@ class TripStore:
         for folder in (self.rows, self.samples):
             folder.drop_old_files(0)
         if not keys:
-            raise InvalidInput.of(
-                f"unknown {name.removesuffix('_id')}", name, repr(value), "one of the store"
-            )
+            what = f"unknown {name.removesuffix('_id')}"
+            raise InvalidInput.of(what, name, repr(value), "one of the store")
         return erased
 
     def about(self) -> dict[str, Any]:
