@@ -271,7 +271,7 @@ def report(
     ambient: Annotated[float | None, option("DEGC", "Outside temperature of trips that have none.")] = None,
     cold: Annotated[float | None, option("DEGC", "Outside temperature of all planned trips.")] = None,
     coldest: Annotated[float | None, option("DEGC", "Temperature in place of the coldest week's.")] = None,
-    drivers: Annotated[bool, flag("--drivers", "Compare drivers, too.")] = False,
+    drivers: Annotated[bool, flag("--drivers", "Drivers by name, for all who open the report.")] = False,
     groups: Annotated[Path | None, option("FILE", "CSV: vehicle_id and group, such as the depot.")] = None,
     new: Annotated[Path | None, option("FILE", "CSV: vehicle_id, new_at (first day; else of logs).")] = None,
     warranty: Annotated[tuple[float, float, float], option("SHARE YEARS KM", WARRANTY)] = Warranty(),

@@ -293,11 +293,23 @@ def test_the_first_page_has_five_sentences_and_what_is_gained():
     assert "more than expected" in made.sentences[0]
     assert "12,000 € and 10,000 kg of CO₂" in made.sentences[0]
     assert made.sentences[1].startswith(
-        "Gained if no vehicle took more than expected: 1,336 €, of 80 vehicles"
+        "Vehicles that took more than expected: 80, for 1,336 € together, first <v0> (17 €, driving), <v1>"
+    )
+    assert (
+        replace(made, vehicles=made.vehicles.assign(driving=-0.1, climate=-0.1)).sentences[1].count("chance)")
+        == 5
+    )
+    months = made.vehicles[:1].assign(month="2025-02")
+    assert (
+        "kg of CO₂; in 2025-02, 150 € and 125 kg for 2,000 km." in replace(made, months=months).sentences[0]
+    )
+    batteries = pd.DataFrame({"vehicle_id": ["a", "b", "c"], "month": ["2031-02", None, "2029-01"]})
+    assert (
+        "within ten years: c in 2029-01 and a in 2031-02." in replace(made, batteries=batteries).sentences[3]
     )
     less = replace(made, vehicles=made.vehicles.assign(energy_wh=3.6e5, gain=-10.0))
     assert "less than expected" in less.sentences[0]
-    assert "expected: 0 €, of 0 vehicles, first none" in less.sentences[1]
+    assert "expected: 0, for 0 € together, first none" in less.sentences[1]
 
 
 def planted():
@@ -349,6 +361,10 @@ def test_drivers_are_in_the_order_of_names_with_the_chance_of_no_difference():
     assert list(drivers["driver"]) == sorted(drivers["driver"])
     assert (drivers["none"] <= 0.5).all()
     assert drivers["none"].median() < 0.05
+    dear = drivers.groupby("driver")["cost"].sum()
+    assert dear["zoe"] - dear["anna"] == pytest.approx(
+        0.05 * 0.3 / 900.0 * rows.numbers("observed_wh").sum(), rel=0.3
+    )
     halves = drivers.groupby("driver")[["earlier", "later"]].mean()
     assert (halves.loc["anna"] < halves.loc["zoe"] - 0.05).all()
 

@@ -28,7 +28,7 @@ from tripwatt.fleet.changes import (
     without_trips_before_changes,
 )
 from tripwatt.fleet.charging import Depot, Night
-from tripwatt.fleet.deviations import worst_month
+from tripwatt.fleet.deviations import PARTS, worst_month
 from tripwatt.fleet.model import FleetModel
 from tripwatt.fleet.registry import REPORT_FILES, REPORT_TABLES
 from tripwatt.fleet.statistics import TripRows
@@ -68,10 +68,8 @@ def evaluation_page(title: str, evaluation: FleetEvaluation, rows: TripRows) -> 
     means = errors.groupby(evaluation.trips["protocol"]).mean()
     listed = ", ".join(f"{100.0 * mean:.1f} % on {name}" for name, mean in means.items())
     caption = f"Mean error of the linear model: {listed}."
-    panel = Panel("accuracy", "Accuracy on held-out trips", caption, tables=tables)
-    return page_text(
-        "fleet.html.jinja", {"": [panel]}, title=title, facts=facts.items(), files=(), foot=_ERROR
-    )
+    sections = {"": [Panel("accuracy", "Accuracy on held-out trips", caption, tables=tables)]}
+    return page_text("fleet.html.jinja", sections, title=title, facts=facts.items(), files=(), foot=_ERROR)
 
 
 def accuracy_table(evaluation: FleetEvaluation, by: str) -> Table:
@@ -168,7 +166,7 @@ class ManagerReport:
         settings = {"probability": asked.probability, "reserve": asked.reserve}
         changed = changes(rows)
         cold = nights.coldest_week(rows) if asked.coldest_degc is None else nights.Cold(asked.coldest_degc)
-        compared = drivers_by_name(model.posterior, rows) if asked.drivers else None
+        compared = drivers_by_name(model.posterior, rows, asked.price) if asked.drivers else None
         known = fades(rows, changed)
         batteries = battery_table(known, rows, asked.warranty, asked.new_at) if known else None
         night, routes, ends = None, None, None
@@ -228,16 +226,10 @@ class ManagerReport:
         names = {*self.tables, *(("emhass", "evcc") if self.night is not None else ())}
         script, style = (_TEMPLATES.joinpath(f"fleet.{kind}").read_text("utf-8") for kind in ("js", "css"))
         digest = base64.b64encode(hashlib.sha256(script.encode("utf-8")).digest()).decode("ascii")
-        context = {"files": [n for n in REPORT_FILES if n.partition(".")[0] in names], "foot": _CHANGE}
+        context: dict[str, Any] = {"files": [n for n in REPORT_FILES if n.partition(".")[0] in names]}
         context |= {"script": script, "style": style, "digest": digest, "sentences": self.sentences}
-        return page_text(
-            "manager.html.jinja",
-            {"Details": [*self.panels()]},
-            title="Fleet report",
-            facts=facts.items(),
-            charts=[*_charts(self)],
-            **context,
-        )
+        context |= {"title": "Fleet report", "facts": facts.items(), "charts": [*_charts(self)]}
+        return page_text("manager.html.jinja", {"Details": [*self.panels()]}, foot=_CHANGE, **context)
 
     @property
     def sentences(self) -> tuple[str, ...]:
@@ -247,7 +239,7 @@ class ManagerReport:
             _describe_totals(self.vehicles, self.months),
             _describe_gains(self.vehicles),
             _describe_changes(self.changes[~battery], "consumption"),
-            _describe_changes(self.changes[battery], BATTERY),
+            _describe_changes(self.changes[battery], BATTERY) + _describe_batteries(self.batteries),
             _describe_tonight(self.night, self.probability),
         )
 
@@ -256,9 +248,8 @@ class ManagerReport:
         if self.night is not None:
             notes = Table("What the needs assume and their limits", ("note",), tuple(zip(self.notes)))
             tables = needs_table(self.tables["needs"], self.probability), notes
-            yield Panel(
-                "needs", "What the planned trips need", _describe_needs(self.night.needs), tables=tables
-            )
+            caption = _describe_needs(self.night.needs)
+            yield Panel("needs", "What the planned trips need", caption, tables=tables)
         if self.routes is not None and self.cold is not None:
             caption = describe_routes(self.routes, self.probability, self.cold)
             yield Panel("routes", "Cars for the planned routes", caption, tables=(routes_table(self.routes),))
@@ -307,6 +298,7 @@ _PANELS: Final[Mapping[str, tuple[str, str]]] = _TABLES["panels"]
 
 
 _SAID: Final[Mapping[str, str]] = _TABLES["said"]
+_CHANCE: Final = "drivers or chance"
 
 
 def _in_kilo(values: Any) -> dict[str, Any]:
@@ -316,21 +308,24 @@ def _in_kilo(values: Any) -> dict[str, Any]:
 
 def _describe_totals(vehicles: pd.DataFrame, months: pd.DataFrame | None) -> str:
     """Say what the fleet drove, took, paid and emitted, beside the expectation."""
-    known = [] if months is None else [month for month in months["month"] if month]
+    known = [] if months is None else months.to_dict("records")
     sums = vehicles[["trips", "distance_m", "energy_wh", "expected_wh", "cost", "co2_kg"]].sum().to_dict()
     excess = sums["energy_wh"] / sums["expected_wh"] - 1.0
-    said = {"period": f"From {known[0]} to {known[-1]}" if known else "In all", "vehicles": len(vehicles)}
+    period = f"From {known[0]['month']} to {known[-1]['month']}" if known else "In all"
+    last = _SAID["last_month"].format(**_in_kilo(known[-1])) if known else ""
+    said: dict[str, Any] = {"period": period, "last": last, "vehicles": len(vehicles)}
     said["beside"] = f"{percent(abs(excess))} {'more' if excess > 0.0 else 'less'}"
-    return str(
-        _SAID["totals"].format(**said, **{name: f"{value:,.0f}" for name, value in _in_kilo(sums).items()})
-    )
+    said |= {name: f"{value:,.0f}" for name, value in _in_kilo(sums).items()}
+    return str(_SAID["totals"].format(**said))
 
 
 def _describe_gains(vehicles: pd.DataFrame) -> str:
     """Say what is gained if no vehicle takes more than expected."""
     first = vehicles[vehicles["gain"] > 0.0]
     sure = int((first["share"] > 2.0 * first["sd"]).sum())
-    named = listed([f"{row['vehicle_id']} ({row['gain']:,.0f} €)" for row in first[:5].to_dict("records")])
+    rows = ({**row, _CHANCE: 0.0} for row in first[:5].to_dict("records"))
+    why = ((row, max((*PARTS, _CHANCE), key=row.__getitem__).replace("_", " ")) for row in rows)
+    named = listed([f"{row['vehicle_id']} ({row['gain']:,.0f} €, {part})" for row, part in why])
     sum_of = f"{first['gain'].sum():,.0f}"
     return str(_SAID["gains"].format(vehicles=len(first), gain=sum_of, named=named, sure=sure))
 
@@ -338,13 +333,21 @@ def _describe_gains(vehicles: pd.DataFrame) -> str:
 def _describe_changes(changed: pd.DataFrame, what: str) -> str:
     """Say which vehicles changed, by which cause and since which month."""
     of = "{vehicle_id} by {share} % ({cause}) since {since:.7}"
-    rows = changed.assign(share=[number(value, 100.0, 0) for value in changed["change"]])[:5].to_dict(
-        "records"
-    )
+    share = [number(value, 100.0, 0) for value in changed["change"]]
+    rows = changed.assign(share=share)[:5].to_dict("records")
     count = changed["vehicle_id"].nunique()
     named = listed([of.format_map(row).replace(f" ({what})", "") for row in rows])
     in_all = f"; {count} in all" if count > len(rows) else ""
     return str(_SAID["changes"].format(what=what, named=named, in_all=in_all))
+
+
+def _describe_batteries(batteries: pd.DataFrame | None) -> str:
+    """Say which batteries fall below their warranty, and when."""
+    if batteries is None:
+        return ""
+    first = batteries.dropna(subset="month").sort_values("month")[:5]
+    named = listed((first["vehicle_id"] + " in " + first["month"]).tolist())
+    return f" {_SAID['batteries']}".format(named=named)
 
 
 def _describe_tonight(night: Night | None, probability: float) -> str:
@@ -354,12 +357,8 @@ def _describe_tonight(night: Night | None, probability: float) -> str:
     needs, sums = night.needs, night.summary
     kwh = {name: f"{sums[name] / 1e3:,.0f}" for name in ("energy_wh", "energy_quantile_wh")}
     kwh["charge_wh"] = f"{needs['charge_wh'].sum() / 1e3:,.0f}"
-    said = {
-        "vehicles": needs["vehicle_id"].nunique(),
-        "level": percent(probability, 0),
-        "chance": percent(sums["p_enough"], 1),
-    }
-    parts = [_SAID["tonight"].format(**said, **kwh)]
+    kwh |= {"level": percent(probability, 0), "chance": percent(sums["p_enough"], 1)}
+    parts = [_SAID["tonight"].format(vehicles=needs["vehicle_id"].nunique(), **kwh)]
     if "peak_w" in sums:
         cost = f" and costs {sums['cost']:.2f} €" if "cost" in sums else ""
         missing = f"{night.tables['needs']['missing_wh'].sum() / 1e3:.1f}"

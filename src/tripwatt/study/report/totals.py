@@ -122,13 +122,20 @@ def totals(posterior: GroupPosterior, rows: TripRows, settings: ReportSettings) 
     }
 
 
-def drivers_by_name(posterior: GroupPosterior, rows: TripRows) -> pd.DataFrame:
+def drivers_by_name(posterior: GroupPosterior, rows: TripRows, price: float = 0.30) -> pd.DataFrame:
     """Compare drivers with the others of their vehicle, and each with his own earlier trips.
+
+    Parameters
+    ----------
+    posterior : GroupPosterior
+    rows : TripRows
+    price : float
+        Price of a kWh from the plug [€].
 
     Returns
     -------
     DataFrame
-        `deviations` of drivers in the order of names, and `none`: the probability [1] that there is no difference or one of the other
+        `deviations` of drivers in the order of names; `cost` [€] of `share` on their dated trips; and `none`: the probability [1] that there is no difference or one of the other
         sign; `earlier` and `later`: excess [1] over the vehicle's model in the first and second half of the trips.
     """
     from scipy.special import ndtr
@@ -145,5 +152,7 @@ def drivers_by_name(posterior: GroupPosterior, rows: TripRows) -> pd.DataFrame:
         sums = trips[half].groupby(names)[["energy_wh", "expected_wh"]].sum()
         excess = (sums["energy_wh"] / sums["expected_wh"] - 1.0).rename(name)
         compared = compared.join(excess, on=names)
+    compared = compared.join(trips.groupby(names)["expected_wh"].sum(), on=names)
+    compared["cost"] = price / (1000.0 * EFFICIENCY) * compared["share"] * compared.pop("expected_wh")
     compared["none"] = ndtr(-(compared["share"].abs() / compared["sd"]).astype(float))
     return compared.sort_values(["driver", "vehicle_id"], ignore_index=True)
