@@ -13,7 +13,7 @@ from tripwatt.errors import InvalidInput
 from tripwatt.physics import batch, simulate_trip
 from tripwatt.physics.batch import CHUNK_SAMPLES, energies_on_grades, simulate_trips, trip_totals
 from tripwatt.physics.cabin import MIN_SIDE_BY_SIDE
-from tripwatt.physics.chain import CAUSES
+from tripwatt.physics.chain import CAUSES, drive_chain
 from tripwatt.study.synthetic import synthetic_fleet
 from tripwatt.trips import Plan
 
@@ -182,11 +182,11 @@ def test_the_energy_on_grades_is_that_of_simulations(car, monkeypatch):
     """Also where a cold or full battery limits regeneration; elsewhere its state is not computed."""
     in_full = []
 
-    def counted(pairs):
-        in_full.extend(pairs := list(pairs))
-        return simulate_trips(pairs)
+    def counted(car, trace, *others):
+        in_full.extend(trace.grade)
+        return drive_chain(car, trace, *others)
 
-    monkeypatch.setattr(batch, "simulate_trips", counted)
+    monkeypatch.setattr(batch, "drive_chain", counted)
     long = drive(0, CHUNK_SAMPLES // 2 - 1, ambient_temperature_degc=5.0, soc=0.6)
     plans = [plan for plan in DRIVES if "elevation_m" not in plan]
     seconds = np.arange(1200.0)

@@ -88,16 +88,15 @@ def energies_on_grades(
     True
     """
     drive = drive_of_trip(vehicle, plan)
-    slopes = np.array([run.grade + np.asarray(grade) for grade in grades])
-    means = np.hstack((slopes[:, :1], 0.5 * (slopes[:, 1:] + slopes[:, :-1])))
-    chunks = np.array_split(means, min(len(means), math.ceil(means.size / CHUNK_SAMPLES)))
+    slopes = np.array([np.broadcast_to(grade, drive.time_s.shape) for grade in grades])
+    means = drive.grade + np.hstack((slopes[:, :1], 0.5 * (slopes[:, 1:] + slopes[:, :-1])))
     trace = Trace.from_samples(drive.time_s, drive.speed_m_s, drive.grade, drive.headwind_m_s)
     given = drive.conditions, run.auxiliary_power_w
-    parts = [unlimited_energy(drive.vehicle, replace(trace, grade=chunk), *given) for chunk in chunks]
-    energy_wh, is_sure = map(np.concatenate, zip(*parts, strict=True))
-    roads = (replace(plan, samples=plan.samples.assign(grade=slope)) for slope in slopes[~is_sure])
-    limited = [run.energy_wh for run in simulate_trips((vehicle, road) for road in roads)]
-    energy_wh[~is_sure] = np.reshape(limited, (-1, slopes.shape[1]))
+    energy_wh, is_sure = unlimited_energy(drive.vehicle, replace(trace, grade=means), *given)
+    if not is_sure.all():
+        limited = replace(trace, grade=means[~is_sure])
+        arrays, _ = drive_chain(drive.vehicle, limited, drive.conditions, run.climate_power_w)
+        energy_wh[~is_sure] = arrays["energy_wh"]
     return energy_wh
 
 
@@ -134,9 +133,6 @@ def trip_totals(pairs: Iterable[Pair]) -> dict[str, list[Any]]:
 
 def _in_order(pairs: Iterable[Pair], results: Results[R]) -> Iterator[R]:
     """Yield the results in the order of the pairs; work on a window of pairs at a time."""
-    # allocated and freed once, this array stops the C library from handing freed memory back to the system;
-    # new pages would cost more time than the chain
-    np.empty(3_000_000)
     left = iter(pairs)
     # 1024 drives at a time bound the memory
     while window := list(itertools.islice(left, 1024)):

@@ -209,12 +209,7 @@ def condition_cabins(tasks: Sequence[CabinTask]) -> list[CabinRun]:
     """
     speeds = [task.mean_speeds() for task in tasks]
     controls = [control_values(task.climate, task.ambient_temperature_degc, task.start) for task in tasks]
-    keys = [(control, own.tobytes()) for control, own in zip(controls, speeds, strict=True)]
-    # a drive on several grades needs one cabin
-    first = {key: number for number, key in reversed([*enumerate(keys)])}
-    steps = control_steps([controls[i] for i in first.values()], [speeds[i] for i in first.values()])
-    run_of = dict(zip(first, steps, strict=True))
-    return [task.run(*run_of[key]) for task, key in zip(tasks, keys, strict=True)]
+    return [task.run(*of) for task, of in zip(tasks, control_steps(controls, speeds), strict=True)]
 
 
 def control_steps(

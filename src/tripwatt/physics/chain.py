@@ -8,6 +8,7 @@ intervals of zero length.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cache
 from typing import Any, Final
 
 import numpy as np
@@ -75,10 +76,9 @@ class Trace:
         mean_speed[..., 1:] = 0.5 * (speed[..., 1:] + speed[..., :-1])
         acceleration = np.zeros_like(speed)
         change = speed[..., 1:] - speed[..., :-1]
-        if beyond is None:
-            np.divide(change, step[..., 1:], out=acceleration[..., 1:])
-        else:
-            np.divide(change, step[..., 1:], out=acceleration[..., 1:], where=~beyond[..., 1:])
+        within = True if beyond is None else ~beyond[..., 1:]
+        np.divide(change, step[..., 1:], out=acceleration[..., 1:], where=within)
+        if beyond is not None:
             mean_speed[beyond] = 0.0
         if step.ndim > 1 and (step == step[:1]).all():
             step = step[:1]
@@ -109,6 +109,7 @@ def drive_chain(
     list of tuple of Flag
         The flags of each trip.
     """
+    _keep_freed_memory()
     air, rolling, climb, inertia = _forces(vehicle, trace, conditions)
     speed, step = trace.mean_speed_m_s, trace.step_s
     wheel_power = (air + rolling + climb + inertia) * speed
@@ -155,6 +156,15 @@ def drive_chain(
         "power_by_cause_w": by_cause,
     }
     return arrays, _flags(vehicle, step, drive, battery, lost_wh)
+
+
+@cache
+def _keep_freed_memory() -> None:
+    """Allocate and free an array, after which the C library of this process no longer hands freed memory back to the system.
+
+    New pages would cost more time than the chain.
+    """
+    np.empty(3_000_000)
 
 
 def unlimited_energy(
@@ -265,9 +275,8 @@ def _lost_when_full_wh(
 ) -> FloatArray:
     """Energy that is not recovered because the battery is too full [Wh], shape (..., 1); 0 for a battery with room."""
     rules = vehicle.regeneration
-    full = (run.soc.max(axis=-1, keepdims=True) > rules.full_soc) | run.refused_power_w.any(
-        axis=-1, keepdims=True
-    )
+    refuses = run.refused_power_w.any(axis=-1, keepdims=True)
+    full = refuses | (run.soc.max(axis=-1, keepdims=True) > rules.full_soc)
     if not full.any():
         return np.zeros(full.shape)
     with_room = np.broadcast_to(rules.full_soc, run.soc.shape)
