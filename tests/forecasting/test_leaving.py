@@ -101,6 +101,9 @@ def test_an_empty_battery_is_told_by_what_it_lacks_and_where(model):
     assert early < middle < late < short.drive.distance_m[-1]
     (flag,) = [flag for flag in short.flags if flag.code == "battery_empty"]
     assert (flag.value, flag.unit) == (expected, "wh")
+    without = model.expect(short.plan)
+    assert without.energy_wh == short.energy_wh
+    assert flag not in without.flags
     assert with_empty_flag(plenty) is plenty, "its cached values are kept"
     assert with_empty_flag(replace(plenty, flags=(*plenty.flags, flag))).flags == plenty.flags
     assert "more than the battery holds" in message(flag)

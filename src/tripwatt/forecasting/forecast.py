@@ -171,8 +171,8 @@ class Forecast:
         drive, measured, scale = self.drive, self.measured, self.charge
         hours = self.open_hours
         time_s = running_sum(drive.table.hours) * SECONDS_PER_HOUR
-        sd_wh, unread = self._sd_wh(hours), _unread_hours(self)
-        charge_sd_wh = sd_wh if np.array_equal(unread, hours) else self._sd_wh(unread)
+        sd_wh, unread = self.sds_wh(hours), _unread_hours(self)
+        charge_sd_wh = sd_wh if np.array_equal(unread, hours) else self.sds_wh(unread)
         climb = None if self.climbing is None else self.climbing.ahead(self._climbs_from_m)
         scores = self.uncertainty.scores
         expected_wh = np.zeros(len(sd_wh)) if climb is None else climb.quantile(scores, 0.5, sd_wh)
@@ -197,12 +197,12 @@ class Forecast:
             start.time_s,
         )
 
-    def _sd_wh(self, hours: FloatArray) -> FloatArray:
-        """Standard deviation of the energy over hours of the segments, at the edges [Wh], shape (edges,)."""
+    def sds_wh(self, hours: FloatArray) -> FloatArray:
+        """Standard deviations of the energy over hours of the segments at the edges, without that of an unknown climb [Wh], shape (edges,)."""
         return np.concatenate(([0.0], np.hypot(self._own_sd_wh(hours), _remaining_sd_wh(self))))
 
     def _own_sd_wh(self, hours: FloatArray) -> FloatArray:
-        """The part of `_sd_wh` by the residual power; `rest_sd_factor` widens what is still to come, shape (segments,)."""
+        """The part of `sds_wh` by the residual power; `rest_sd_factor` widens what is still to come, shape (segments,)."""
         now_wh, unread = self.posterior.sd_wh(hours), _unread_hours(self)
         rest_wh = now_wh if np.array_equal(unread, hours) else self.posterior.sd_wh(unread)
         variance = now_wh**2 + (self.rest_sd_factor**2 - 1.0) * rest_wh**2
@@ -826,4 +826,4 @@ def with_route_error(
             flags.append(Flag("travel_time_error_unknown", "road"))
         if link_m > float(route.length_m[-1]):
             flags.append(Flag("links_too_long", "links", link_m, "m"))
-    return with_empty_flag(replace(forecast, route_sd_wh=route_sd_wh, flags=tuple(dict.fromkeys(flags))))
+    return replace(forecast, route_sd_wh=route_sd_wh, flags=tuple(dict.fromkeys(flags)))

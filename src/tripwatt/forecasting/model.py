@@ -17,7 +17,7 @@ import numpy as np
 from tripwatt.arrays import FloatArray, IntArray
 from tripwatt.errors import Fault, InvalidInput
 from tripwatt.forecasting.expected import ExpectedTrip
-from tripwatt.forecasting.forecast import Forecast, with_route_error
+from tripwatt.forecasting.forecast import Forecast, with_empty_flag, with_route_error
 from tripwatt.forecasting.inner import INNER_FOLDS, Again, inner_fits, resimulation
 from tripwatt.forecasting.plausible import impossible_faults
 from tripwatt.forecasting.ranges import (
@@ -317,7 +317,6 @@ class ForecastModel:
         """
         return fitted_outside(self.corrector_)
 
-    @one_blas_thread
     def forecast(self, trip: Plan | Trip, departure: Departure | None = None) -> Forecast:
         """Forecast a trip from what is known at its departure. O(samples).
 
@@ -348,6 +347,11 @@ class ForecastModel:
         >>> bool(cold.energy_wh > mild.energy_wh)
         True
         """
+        return with_empty_flag(self.expect(trip, departure))
+
+    @one_blas_thread
+    def expect(self, trip: Plan | Trip, departure: Departure | None = None) -> Forecast:
+        """Forecast as `forecast`, without the flag of a battery that does not last, which takes the charge along the road."""
         require_departure(departure)
         if not isinstance(trip, Plan | Recorded):
             fix = "make a plan with tripwatt.read_route"
@@ -367,7 +371,7 @@ class ForecastModel:
             correction = correction if climate is None else correction - climate
         segments = process_segments(table, factor, corrector.outside_factor(table))
         drive = ExpectedTrip(plan, self.vehicle, simulation, table, segments, corrector, correction)
-        drive = drive.with_pauses(self.forecast) if plan.pauses else drive
+        drive = drive.with_pauses(self.expect) if plan.pauses else drive
         posterior = uncertainty.process.prior(segments)
         flags, unknown = compare(table, self.ranges_, self.vehicle, plan.departure)
         missing, covariate_sd_wh = corrector.unknown(table)
@@ -396,8 +400,7 @@ class ForecastModel:
             model=self,
         )
         forecast = with_route_error(forecast, uncertainty.route, uncertainty.free_flow)
-        level_wh = forecast.energy_wh - float(forecast.along.excess.expected_wh[-1])
-        raise_faults(impossible_faults(level_wh, drive))
+        raise_faults(impossible_faults(float(drive.power_w @ drive.table.hours), drive))
         return forecast
 
     def to_dict(self) -> dict[str, Any]:

@@ -180,8 +180,7 @@ def training_ranges(table: SegmentTable, covariates: Collection[str] = ()) -> di
 
 
 def _watched(table: SegmentTable) -> dict[str, float]:
-    row = dict(zip(table.features.columns.tolist(), table.features.to_numpy()[0].tolist(), strict=True))
-    first: dict[str, float] = {name: float(row[name]) for name in WATCHED if name in row}
+    first = {name: float(table.columns[name][0]) for name in WATCHED if name in table.columns}
     if table.covariates is not None:
         given = table.covariates.iloc[0].items()
         first |= {f"{name}": float(value) for name, value in given if is_number(value)}

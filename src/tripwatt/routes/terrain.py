@@ -12,7 +12,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache, partial
 from statistics import NormalDist
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 
@@ -91,8 +91,7 @@ class NetClimbs:
 
     def net_m(self, distance_m: FloatArray, from_m: float = 0.0) -> FloatArray:
         """Net climb of each scenario from `from_m` over each distance [m], shape (scenarios, distances)."""
-        distance = np.asarray(distance_m, dtype=np.float64)
-        return self._climbs(self.over_10_km_m[:, None], distance, from_m)
+        return self._climbs(self.over_10_km_m[:, None], distance_m, from_m)
 
     def expected_m(self, distance_m: FloatArray | float, from_m: float = 0.0) -> FloatArray:
         """Expected net climb from `from_m` over each distance [m], in the shape of `distance_m`; 0 if nothing is known."""
@@ -100,7 +99,7 @@ class NetClimbs:
             return np.zeros(np.shape(distance_m))
         return np.asarray(self.known.height(from_m + distance_m) - self.known.height(from_m))
 
-    def _climbs(self, over_10_km_m: FloatArray, distance_m: FloatArray, from_m: float = 0.0) -> FloatArray:
+    def _climbs(self, over_10_km_m: Any, distance_m: Any, from_m: float = 0.0) -> FloatArray:
         """Net climbs from `from_m` over distances [m], given those over 10 km of a road of which nothing is known."""
         factor = (distance_m / REFERENCE_M) ** GROWTH
         if self.known is not None:
@@ -125,8 +124,7 @@ class NetClimbs:
 
     def quantile(self, p: float, distance_m: float) -> FloatArray:
         """Quantile `p` of the net climb over a distance [m]."""
-        over_10_km_m = np.asarray(np.interp(p, self._middle, self.over_10_km_m))
-        return self._climbs(over_10_km_m, np.asarray(distance_m, dtype=np.float64))
+        return self._climbs(np.interp(p, self._middle, self.over_10_km_m), distance_m)
 
     def typical_m(self, distance_m: float) -> float:
         """Half the width of the central 68 % of the net climb [m]: the standard deviation of its core, without the far tails."""

@@ -319,7 +319,7 @@ class KindForecaster:
         plan = replace(roads.plan(length_m, shares), link_m=None)
         relative_sd = roads.relative_sd(length_m, self.is_known)
         if self.own_roads is None:
-            forecast = self.model.forecast(plan, self.departure)
+            forecast = self.model.expect(plan, self.departure)
             return _with_road_variance(forecast, relative_sd * abs(forecast.energy_wh))
         forecast = self._forecast_in_usual_air(plan, self.own_roads)
         drive = forecast.drive.with_more_driving(roads.extra[not self.is_known])
@@ -328,9 +328,9 @@ class KindForecaster:
     def _forecast_in_usual_air(self, plan: Plan, own_roads: OwnRoads) -> Forecast:
         """Forecast a plan; if no outside temperature is given, with that of the car's own trips around the day of the year."""
         if self.departure.ambient_temperature_degc is not None:
-            return self.model.forecast(plan, self.departure)
+            return self.model.expect(plan, self.departure)
         degc, sd_k = usual_air(own_roads.air, day_of(self.departure.departs_at))
-        forecast = self.model.forecast(plan, replace(self.departure, ambient_temperature_degc=degc))
+        forecast = self.model.expect(plan, replace(self.departure, ambient_temperature_degc=degc))
         usual_wh = forecast.drive.simulation.simulated_energy_wh
         air_wh = unknown_air_sd_wh(self.model.vehicle, plan, usual_wh, degc, sd_k)
         assumed = Flag(_ASSUMED, "ambient_temperature_degc", degc, "degc")
@@ -349,7 +349,7 @@ def _with_road_variance(forecast: Forecast, sd_wh: float) -> Forecast:
 
     The scores are from held-out trips with known speeds, so they hold only for the rest of the variance.
     """
-    variance_wh2, uncertainty = float(forecast.along.energy_sd_wh[-1]) ** 2 + sd_wh**2, forecast.uncertainty
+    variance_wh2, uncertainty = forecast.sds_wh(forecast.open_hours)[-1] ** 2 + sd_wh**2, forecast.uncertainty
     scores = uncertainty.scores.with_other_causes((sd_wh**2 + forecast.state_sd_wh**2) / variance_wh2)
     return replace(forecast, route_sd_wh=sd_wh, uncertainty=replace(uncertainty, scores=scores))
 
