@@ -12,8 +12,10 @@ from tests.support.refusals import refusal
 from tripwatt.errors import InvalidInput
 from tripwatt.hybrid import SegmentTable
 from tripwatt.hybrid.segments import LINE_CAUSES, segment_table, segment_trips
+from tripwatt.physics import simulate_trip
 from tripwatt.study.synthetic import synthetic_fleet
 from tripwatt.trips import TEMPERATURES, Departure, Plan
+from tripwatt.vehicles import load_vehicle
 
 
 class TestSegmentTable:
@@ -206,3 +208,11 @@ def test_trips_to_learn_have_measured_energy():
     allowed = "allowed: voltage and current, or a column observed_energy_wh"
     expected = [f"no measured energy: {trip.trip_id}: {allowed}" for trip in bare]
     assert refusal(segment_trips, bare, None).splitlines() == expected
+
+
+def test_a_segment_that_ends_at_the_speed_of_its_start_has_no_power_of_acceleration() -> None:
+    speed = np.random.default_rng(1).uniform(5.0, 25.0, 90)
+    speed[[0, 29, 89]] = 10.0
+    plan = Plan.from_trace("wave", {"time_s": np.arange(90.0), "speed_m_s": speed})
+    found = segment_table(plan, simulate_trip(load_vehicle("bmw_i3_60ah"), plan)).columns["acceleration_w"]
+    assert found.tolist() == [0.0, 0.0]

@@ -235,6 +235,8 @@ def segment_table(
         "day": day_of(departure.departs_at),
         "winter": {"winter": 1.0, "summer": 0.0}.get(departure.season or "", np.nan),
     }
+    # where a segment ends at the speed of its start, trees must not split on the sign of a rounding error
+    features["acceleration_w"] = features["acceleration_w"].round(9)
     simulated = np.asarray(features["simulated_w"])
     observed = climate = charge = errors = None
     if measured is not None:
@@ -313,8 +315,7 @@ def driven_roads(trips: Sequence[Trip], table: SegmentTable, driving: FloatArray
 
 def driving_w(table: SegmentTable) -> FloatArray:
     """Simulated power of the causes `DRIVING` in each segment [W], shape (rows,)."""
-    causes = table.features[[f"{cause}_w" for cause in DRIVING]].to_numpy(dtype=np.float64)
-    return np.asarray(causes.sum(axis=1))
+    return np.asarray(sum(table.columns[f"{cause}_w"] for cause in DRIVING))
 
 
 def require_measured(trips: Sequence[Trip], *, positive: bool = False) -> None:
