@@ -59,6 +59,7 @@ class TestCorrectors:
         @dataclass
         class Model:
             terms: tuple[()] = ()
+            weights_: tuple[float] = (100.0,)
 
             def fit(self, *given):
                 self.given = given
@@ -68,9 +69,6 @@ class TestCorrectors:
 
             def predict(self, features):
                 return np.array([12.0, 20.0])
-
-            def mean(self, features):
-                return 100.0 * features[:, 0]
 
             def factor(self, features):
                 return features * 2.0

@@ -280,7 +280,7 @@ class GPCorrector(PowerCorrector):
         features, _ = self.model.features(table.features)
         share = self.familiarity.share(table.features)
         shape = less_trip_mean((features @ self.shape * share)[:, None], table)[:, 0]
-        return self.model.mean(features) * share + shape, self.model.factor(features) * share[:, None]
+        return features @ self.model.weights_ * share + shape, self.model.factor(features) * share[:, None]
 
 
 def less_trip_mean(values: FloatArray, table: SegmentTable) -> FloatArray:

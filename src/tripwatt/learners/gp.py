@@ -150,11 +150,7 @@ class AdditiveGP:
 
     def predict(self, X: pd.DataFrame) -> FloatArray:
         """Mean of the sum of the terms, shape (rows,); the group effect of a new group is 0."""
-        return self.mean(self._features(X))
-
-    def mean(self, features: FloatArray) -> FloatArray:
-        """Mean of the sum of the terms, shape (rows,); `features` are those of the rows, see `features`."""
-        return np.asarray(features @ self.weights_)
+        return np.asarray(self._features(X) @ self.weights_)
 
     def features(self, X: pd.DataFrame) -> tuple[FloatArray, FloatArray]:
         """Features of the rows, shape (rows, features), and the prior variance of their weights before any data."""
@@ -269,14 +265,14 @@ class AdditiveGP:
         blocks = []
         smooth = dict.fromkeys(c for term in self.terms if term.kind == "smooth" for c in term.columns)
         columns = float_columns(X)
-        held = {name: self._held(columns, name) for name in smooth}
+        held = {name: _without_repeats(self._held(columns, name)) for name in smooth}
         for i, term in enumerate(self.terms):
             if term.kind == "line":
                 name = term.columns[0]
                 block = self._fill_missing(columns[name], name)[:, None]
             else:
                 block = _squared_exponential(self._standard(held, term), self.points_[i]) @ self.whiteners_[i]
-            blocks.append(block)
+            blocks.append(np.repeat(block, len(X) // max(len(block), 1), axis=0))
         return np.concatenate(blocks, axis=1)
 
     def _fit_totals(self, totals: FloatArray, target: FloatArray, effects: FloatArray) -> None:
@@ -361,6 +357,11 @@ def float_columns(X: pd.DataFrame) -> dict[str, FloatArray]:
         X = X.select_dtypes(["number", "bool"])
         values = X.to_numpy(np.float64, na_value=np.nan)
     return dict(zip(X.columns.tolist(), values.T, strict=True))
+
+
+def _without_repeats(column: FloatArray) -> FloatArray:
+    """The first value of a column if all are equal, such as a temperature at departure in the rows of a trip; else the column."""
+    return column[:1] if (column == column[:1]).all() else column
 
 
 def _squared_exponential(columns: Sequence[FloatArray], points: FloatArray) -> FloatArray:
