@@ -415,3 +415,19 @@ def test_a_given_stop_is_waited_for():
     wait = grid.waiting(np.ones(121), np.full(120, 16.0 / 60.0), None)
     assert np.flatnonzero(wait > 1e-9).tolist() == [60, 120]
     np.testing.assert_allclose(wait[[60, 120]], [30.0, 10.0], atol=1e-9)
+
+
+def test_links_that_are_driven_again_are_driven_as_in_a_whole_drive():
+    """Some links get another delay, also beside short ones, over which their speed reaches."""
+    rng = np.random.default_rng(3)
+    length, mean = rng.uniform(15.0, 600.0, 60), rng.uniform(4.0, 30.0, 60)
+    grid, whole = course(length, length / mean), np.ones(60, dtype=bool)
+    delay, nothing = rng.uniform(-0.2, 1.0, 60), np.zeros(len(grid.position))
+    speed, _ = grid.drive(delay, nothing, whole)
+    for _ in range(30):
+        new = rng.random(60) < 0.05
+        delay = np.where(new, rng.uniform(-0.2, 1.0, 60), delay)
+        speed, driving_s = grid.drive(delay, speed, new)
+        right, right_s = grid.drive(delay, nothing, whole)
+        np.testing.assert_allclose(speed, right, rtol=0.0, atol=1e-8)
+        np.testing.assert_allclose(driving_s, right_s, rtol=1e-7)

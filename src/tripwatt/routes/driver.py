@@ -171,13 +171,12 @@ def speed_profile(
     # where two cells meet the lower of their speeds is allowed
     allowed = np.minimum(np.append(cell_speed[0], cell_speed), np.append(cell_speed, cell_speed[-1]))
     at_speed_s = running_sum(np.repeat(length / cells / speed, cells))
+    steadiness, weighted_m = np.ones_like(position), position
     if rng is not None:
         steadiness = np.exp(style.fluctuation * smooth_noise(at_speed_s, style.fluctuation_time_s, rng))
         # the pressure on a pedal changes over 1.5 s, and is three tenths of comfort at least; choices
         pressure = 1.0 - 2.0 * style.fluctuation * (1.0 + smooth_noise(at_speed_s, 1.5, rng))
         weighted_m = running_sum(np.clip(pressure[1:], 0.3, 1.0) * np.diff(position))
-    else:
-        steadiness, weighted_m = np.ones_like(position), position
     share = style.speed_share * steadiness
     # mirrored at the limit: with clipping, the car would cruise exactly at the limit
     share = np.where(share > 1.0, 2.0 - share, share)

@@ -260,24 +260,24 @@ class Course:
         cells_of_link = cells[self.dip_link]
         within = np.rint((index + place) / dips[self.dip_link] * cells_of_link).astype(np.int64)
         self.dip_node = (self.ends - cells)[self.dip_link] + np.clip(within, 2, cells_of_link - 2)
-        # without a place to stop, the speed is lowered to no less than a twentieth of the free speed
-        max_delay = np.where(dips > 0, 1.0, 0.95)
         # at both ends of the route the car stands anyway: the time left over is spent there
         at_rest = np.zeros(n, dtype=bool)
         at_rest[[0, -1]] = np.isnan(stop[[0, -1]])
-        self.max_delay = np.where(at_rest & (dips == 0), 0.0, max_delay)
         self.has_dip = dips > 0
+        # without a place to stop, the speed is lowered to no less than a twentieth of the free speed
+        self.max_delay = np.where(self.has_dip, 1.0, np.where(at_rest, 0.0, 0.95))
         self.can_wait = self.has_dip | at_rest
         in_time = _HURRY * mean + 2.0
         self.fastest = np.minimum(np.maximum(self.free, in_time), self.limit)
         self.ramp = ramp_speeds(self.position, self.ends, np.minimum(self.free, in_time), style)
         np.minimum(self.ramp, self.of_neighbours(self.limit), out=self.ramp)
 
-    def drive(self, delay: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Speed at the nodes [m/s] and driving time between them [s], given the delay of each link.
+    def drive(self, delay: FloatArray, before: FloatArray, new: BoolArray) -> tuple[FloatArray, FloatArray]:
+        """Speed at the nodes [m/s] and driving time between them [s], given the delay of each link, and the speed before the delays of some links changed.
 
         A negative delay means more speed and firmer acceleration and braking. A positive delay slows the car down at the dips
-        of the link; on a link without dips it lowers the speed throughout.
+        of the link; on a link without dips it lowers the speed throughout. Only the changed links and their neighbours are driven
+        again; all links are if the speed then changes at the far ends of the neighbours.
         """
         share = np.where(self.has_dip, 1.0 - np.minimum(delay, 0.0), 1.0 - delay)
         effort = np.minimum(self.style.comfort * (1.0 + _FIRMER * np.maximum(-delay, 0.0)), 1.0)
@@ -287,14 +287,21 @@ class Course:
         slow = self.free[self.dip_link] * (1.0 - np.minimum(np.maximum(delay[self.dip_link], 0.0), 1.0))
         aim[self.dip_node] = np.minimum(aim[self.dip_node], slow)
         aim[self.ends[self.stop > 0]] = 0.0
-        weighted_m = running_sum(np.repeat(effort, self.cells) * self.cell_m)
-        speed = reachable_speed(weighted_m, aim, self.style.driver)
+        start_m = (effort * self.length).cumsum() - effort * self.position[self.ends]
+        weighted_m = np.repeat(effort, self.nodes) * self.position + np.repeat(start_m, self.nodes)
+        part = np.repeat(np.convolve(new, np.ones(3))[1:-1] > 0.0, self.nodes)
+        part[:-1] |= part[1:]
+        end = np.flatnonzero(part[1:-1] & ~(part[:-2] & part[2:])) + 1
+        aim[end], speed = before[end], before.copy()
+        speed[part] = reachable_speed(weighted_m[part], aim[part], self.style.driver)
+        if (np.abs(speed - before)[[end - 1, end, end + 1]] > 1e-9).any():
+            return self.drive(delay, before, np.ones_like(new))
         return speed, self.cell_m * 2.0 / (speed[1:] + speed[:-1])
 
     def of_neighbours(self, values: FloatArray) -> FloatArray:
         """The lower of the values of the two cells at each node, given a value of each link."""
         lowest = np.repeat(values, self.nodes)
-        lowest[:-1] = np.minimum(lowest[:-1], lowest[1:])
+        lowest[self.ends[:-1]] = np.minimum(values[:-1], values[1:])
         return lowest
 
     def solve(self) -> tuple[FloatArray, FloatArray]:
@@ -309,11 +316,11 @@ class Course:
         step = np.full(delay.shape, 0.12)
         previous_late_s, slope = np.zeros(delay.shape), np.zeros(delay.shape)
         tolerance = np.maximum(_TIME_TOLERANCE * self.time, _TIME_TOLERANCE_S)
-        change = np.zeros(delay.shape)
+        change, speed = np.full(delay.shape, np.inf), np.zeros(self.position.shape)
         # a bound of the time; a choice
         for _ in range(30):
-            speed, driving_s = self.drive(delay)
-            late_s = np.bincount(self.link, driving_s) - self.time
+            speed, driving_s = self.drive(delay, speed, change != 0.0)
+            late_s = np.add.reduceat(driving_s, self.ends - self.cells) - self.time
             np.divide(late_s - previous_late_s, change, out=slope, where=change != 0.0)
             # settled: in tolerance, or early with a stop in which the car can wait, or late and as fast as possible
             settled = (
