@@ -2,6 +2,8 @@
 
 import assert from "node:assert/strict";
 import { describe, test } from "node:test";
+import type { Vehicle } from "../src/api/documents";
+import { withBeginning } from "../src/model/cars";
 import type { Place } from "../src/api/documents";
 import { isCalled, placeCalled } from "../src/model/places";
 
@@ -34,4 +36,15 @@ describe("the whole name of a place", () => {
     assert.equal(placeCalled("Landstrasse", streets), null);
     assert.equal(placeCalled("Landstrasse Schaan", streets), streets[1]);
   });
+});
+
+test("cars with a word that begins so follow those that were found", () => {
+  const all = ["BMW i3 60 Ah", "BMW i3s 120 Ah", "Jaguar I-Pace", "Renault Zoe"].map(
+    (title) => ({ title, name: title.toLowerCase().replaceAll(" ", "_") }) as Vehicle,
+  );
+  const titles = (words: string, found: Vehicle[]) =>
+    withBeginning(words, found, all).map(({ title }) => title);
+  assert.deepEqual(titles("i3", all.slice(0, 1)), ["BMW i3 60 Ah", "BMW i3s 120 Ah"]);
+  assert.deepEqual(titles("i", all.slice(2, 3)), ["Jaguar I-Pace", "BMW i3 60 Ah", "BMW i3s 120 Ah"]);
+  assert.deepEqual(titles("bmw 120", []), ["BMW i3s 120 Ah"]);
 });

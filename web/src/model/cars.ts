@@ -2,9 +2,10 @@
 
 import type { Vehicle } from "../api/documents";
 
-/** Cars with a word that begins with each of the words. */
-export function beginning(words: string, vehicles: readonly Vehicle[]): Vehicle[] {
+/** The cars that were found, then those with a word that begins with each of the words. */
+export function withBeginning(words: string, found: readonly Vehicle[], all: readonly Vehicle[]): Vehicle[] {
   const starts = words.toLowerCase().trim().split(/\s+/);
   const parts = ({ title, name }: Vehicle) => `${title} ${name}`.toLowerCase().split(/[\s_]+/);
-  return vehicles.filter((row) => starts.every((one) => parts(row).some((part) => part.startsWith(one))));
+  const fits = (row: Vehicle) => starts.every((one) => parts(row).some((part) => part.startsWith(one)));
+  return [...found, ...all.filter((row) => fits(row) && !found.some(({ name }) => name === row.name))];
 }

@@ -5,7 +5,7 @@ import { useId, useState } from "preact/hooks";
 import { findVehicles } from "../api/client";
 import { Latest } from "../api/latest";
 import type { Vehicle } from "../api/documents";
-import { beginning } from "../model/cars";
+import { withBeginning } from "../model/cars";
 import { car, chooseOwn, chooseVehicle, vehicle, vehicles } from "../state/car";
 import { faults } from "../state/forecast";
 import { labelOf, openOwnCars, ownCars } from "../state/own-cars";
@@ -23,12 +23,8 @@ const CAR_FIELDS = ["car", "consumption_kwh_per_100km", "model"];
 const matches = signal<Vehicle[] | null>(null);
 
 const search = new Latest<string>(async (words, abort) => {
-  try {
-    const found = await findVehicles(words, abort);
-    matches.value = found.length === 0 ? beginning(words, vehicles.value) : found;
-  } catch {
-    matches.value = beginning(words, vehicles.value);
-  }
+  const found = await findVehicles(words, abort).catch(() => []);
+  if (!abort.aborted) matches.value = withBeginning(words, found, vehicles.value);
 }, MIN_INTERVAL_MS);
 
 /** The driver's own cars that the words name, cars of the library, and what else there is to do. */
@@ -70,7 +66,8 @@ export function CarField() {
   if (vehicles.value.length === 0) return null;
   const open = (words: string) => {
     setTyped(words);
-    if (!words) matches.value = null;
+    // those of the page at once: the service may be busy with a journey
+    matches.value = words.trim() ? withBeginning(words, [], vehicles.value) : null;
     search.submit(words.trim() || null);
   };
   const { header } = text.value;

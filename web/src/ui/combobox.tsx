@@ -74,6 +74,7 @@ export function Combobox({ id, label, isWrong, options, onType, onOpen, onFocus,
         }}
         onKeyDown={press}
         onBlur={onClose}
+        title={input.value}
         {...input}
       />
       <ul id={`${id}-list`} role="listbox" aria-label={label} hidden={!isOpen}>
