@@ -6,7 +6,7 @@ import type { ChargingPlan, Course, Forecast } from "../api/documents";
 import { emptyAfterM, innerShare } from "../model/arrival";
 import { interpolate } from "../model/interpolate";
 import { PERCENT } from "../model/units";
-import { answer, chargingPlan, turn } from "../state/answer";
+import { answer, chargingPlan, course, turn } from "../state/answer";
 import { conditions } from "../state/conditions";
 import { shownForecast, distanceM, driving, update } from "../state/drive";
 import { alternative, departure } from "../state/forecast";
@@ -22,6 +22,8 @@ const LOWEST = -10;
 const NEAR = 15;
 /** Least distance between two labels [px]. */
 const LABEL_PX = 18;
+/** Share of the way at the start where a stop's number stands behind it, off the axis; a name is three times as wide. */
+const EDGE_SHARE = 0.1;
 
 /** A series of a forecast [%], interpolated at the distances `xs`. */
 function seriesAt(of: Forecast, name: Curve, xs: number[]): number[] {
@@ -132,14 +134,15 @@ function endMark(kind: string, of: Forecast): Mark & { y: number } {
 /** Charging stops by their numbers, and the charge on arrival. */
 function stopMarks({ stops, course }: ChargingPlan): Mark[] {
   const { distance } = units.value;
+  const end = distance.from(course.position_m.at(-1) ?? 0);
   const numbers = stops.map(({ position_m, soc_leave }, k): Mark => ({
     kind: "stop",
     text: String(k + 1),
     x: distance.from(position_m),
     y: PERCENT.from(soc_leave),
+    at: distance.from(position_m) < EDGE_SHARE * end ? "right" : "left",
   }));
   const soc = answer.value?.soc ?? 0;
-  const end = distance.from(course.position_m.at(-1) ?? 0);
   const shown = format.value.shown(soc, PERCENT);
   return [...numbers, { kind: "arrival", text: shown, x: end, y: PERCENT.from(soc), at: "right" }];
 }
@@ -157,7 +160,8 @@ function marks(now: Forecast, carM: number | null, heightPx: number): Mark[] {
     });
   }
   const { name = "", position_m: turnM = 0 } = turn.value ?? {};
-  if (turn.value) marks.push({ kind: "aside", text: name, x: units.value.distance.from(turnM) });
+  const at = turnM > (1 - 3 * EDGE_SHARE) * (course.value?.position_m.at(-1) ?? 0) ? "left" : "right";
+  if (turn.value) marks.push({ kind: "aside", text: name, x: units.value.distance.from(turnM), at });
   if (low < 0) marks.push({ kind: "empty", text: result.empty, y: 0, at: "below" });
   if (chargingPlan.value) return [...marks, ...stopMarks(chargingPlan.value)];
   const own = endMark("arrival", now);
