@@ -154,8 +154,13 @@ def test_a_click_sets_a_then_b_and_dragging_b_gives_the_new_arrival(page: Any) -
     page.get_by_text("Choose your own start on the map").wait_for()
     # the marks of the example are 0.1 ° of longitude apart, and their tips are on the road
     (west_x, y), (ost_x, _) = (tip(page, f".end-{end}") for end in ("from", "to"))
-    y, apart = y + 25.0, ost_x - west_x
+    y, apart, middle = y + 25.0, ost_x - west_x, centre(page, ".map-canvas")[1]
     x = west_x + 0.6 * apart
+
+    def road_y() -> float:
+        """Where the road is, since what is said above the map moves it."""
+        return y - 25.0 + centre(page, ".map-canvas")[1] - middle
+
     page.mouse.click(west_x + 0.04 * apart, y)
     page.get_by_text("Choose the destination on the map").wait_for()
     page.locator(".end-to").wait_for(state="detached")  # the map draws after the text
@@ -164,9 +169,11 @@ def test_a_click_sets_a_then_b_and_dragging_b_gives_the_new_arrival(page: Any) -
     assert west["longitude_deg"] == pytest.approx(9.004, abs=0.006)
     assert ost["longitude_deg"] == pytest.approx(9.096, abs=0.006)
     # what was clicked 25 px beside the road is on it, and the page says how far that is
-    page.locator(".off-road", has_text="from the nearest road").first.wait_for()
+    told = page.locator(".verdict .off-road", has_text="from the nearest road").first
+    told.wait_for()
+    assert told.bounding_box()["y"] < page.locator("#verdict-title").bounding_box()["y"]
     for end in ("from", "to"):
-        assert tip(page, f".end-{end}")[1] == pytest.approx(y - 25.0, abs=4.0)
+        assert tip(page, f".end-{end}")[1] == pytest.approx(road_y(), abs=4.0)
     bx, by = centre(page, ".end-to")
     page.mouse.move(bx, by)
     page.mouse.down()
@@ -182,7 +189,7 @@ def test_a_click_sets_a_then_b_and_dragging_b_gives_the_new_arrival(page: Any) -
     place = page.get_by_label("To", exact=True).first.input_value()
     assert place == last["stops"][1]["name"]
     # the pointer on the road shows the charge there
-    page.mouse.move(x, y - 25.0)
+    page.mouse.move(x, road_y())
     page.locator(".readout").get_by_text("battery").wait_for()
 
 
@@ -413,6 +420,9 @@ def test_verdict_list_and_chart_speak_of_the_journey_with_its_charging_stop(page
         assert part in stops.inner_text()
     assert page.locator(".mark-arrival").inner_text() == "42\u00a0%"
     assert page.locator(".mark-stop").inner_text() == "1"
+    assert "mark-left" in page.locator(".mark-stop").get_attribute(
+        "class"
+    )  # beside its line, which is not at the axis
     causes = page.locator(
         "section.causes tr"
     )  # of the whole journey too, with what warms the battery for the stop

@@ -50,6 +50,7 @@ export const text = computed(() => catalogue.value.text);
 export const messages = computed(() => catalogue.value.messages);
 export const format = computed(() => formatFor(localeOf(language.value, navigator.languages)));
 export const units = computed(() => unitsOf(system.value));
+export const wording = computed(() => ({ text: text.value, format: format.value, units: units.value }));
 
 // eslint-disable-next-line page/text -- a media query
 const prefersDark = matchMedia("(prefers-color-scheme: dark)");

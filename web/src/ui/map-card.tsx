@@ -5,7 +5,6 @@ import type { Journey, MapView, Place, Road, Station } from "../api/documents";
 import { Latest } from "../api/latest";
 import { coloursOf } from "../charts/palette";
 import type { Feature, Mark, RoadMap } from "../map/road-map";
-import { warningsOf } from "../model/flags";
 import {
   type Bounds,
   distanceNear,
@@ -42,13 +41,11 @@ import {
   wantsReach,
 } from "../state/journey";
 import { positionM, selectedM } from "../state/position";
-import { dark, format, text, units } from "../state/preferences";
+import { dark, text } from "../state/preferences";
 import { trip } from "../state/trip";
 import { Button, into, put, Tick } from "./parts";
 import { StationList, StationPanel, Wishes } from "./station-panel";
 
-/** A place far from its road, among the flags of a journey. */
-const FAR = "far_from_road";
 const MIN_INTERVAL_MS = 150;
 // eslint-disable-next-line page/text -- a font
 const FONT = "Inter Variable";
@@ -266,13 +263,6 @@ function hint(): string {
   return words.drag;
 }
 
-/** Places that are far from their road. */
-function farTexts(): string[] {
-  const flags = (journey.value?.flags ?? []).filter(({ code }) => code === FAR);
-  const wording = { text: text.value, format: format.value, units: units.value };
-  return roadPoints.value ? warningsOf(flags, wording).map((warning) => warning.text) : [];
-}
-
 function Legend() {
   const { map: words, journey: others } = text.value;
   const { avoid, networks } = choice.value;
@@ -327,11 +317,6 @@ export function MapCard() {
       )}
       <div class="map-foot">
         {station.value ? <StationPanel of={station.value} known={known} /> : <p class="note">{hint()}</p>}
-        {farTexts().map((one) => (
-          <p key={one} class="note off-road">
-            {one}
-          </p>
-        ))}
         <Wishes />
         {known.length > 0 && <StationList known={known} chosen={station.value} onChoose={into(station)} />}
         <Tick

@@ -11,7 +11,7 @@ import {
 } from "../state/catalogue";
 import { faults } from "../state/forecast";
 import { isExample, map } from "../state/journey";
-import { format, text, units } from "../state/preferences";
+import { format, text, units, wording } from "../state/preferences";
 import { type Source, type Trip, trip } from "../state/trip";
 import { Choice } from "./choice";
 import { Covers } from "./covers";
@@ -70,7 +70,7 @@ function loadingText(): string {
 
 /** Assumptions made when the trip was read. */
 function Notes({ of }: { of: Trip }) {
-  const notes = warningsOf(of.notes, { text: text.value, format: format.value, units: units.value });
+  const notes = warningsOf(of.notes, wording.value);
   return (
     <>
       {notes.map(({ text: note, isRaw }) => (

@@ -43,9 +43,10 @@ import {
   journey,
   map,
   nearestStation,
+  roadPoints,
 } from "../state/journey";
 import { ownCars } from "../state/own-cars";
-import { format, text, units } from "../state/preferences";
+import { format, text, units, wording } from "../state/preferences";
 import { journeyRequest, type Trip, trip } from "../state/trip";
 import { togetherText } from "./advice";
 import { Chance } from "./chance";
@@ -70,6 +71,9 @@ import {
 
 /** Chances between these are an open question. */
 const OPEN = [0.05, 0.95] as const;
+
+/** A place far from its road, among the flags of a journey. */
+const FAR = "far_from_road";
 
 /** What is said of a road without its charging stops. */
 const EMPTY = "battery_empty";
@@ -460,11 +464,10 @@ function HowSure({ of, now }: { of: Forecast; now: Answer }) {
   const others = mode.value === "compare" ? (alternative.value?.flags ?? []) : [];
   const chance = decisiveChance(now);
   const isOpen = chance > OPEN[0] && chance < OPEN[1];
-  const wording = { text: text.value, format: format.value, units: units.value };
   const { verdict: words, result, ownCars: ownWords } = text.value;
   const ofRoad = of.flags.filter(({ code }) => !chargingPlan.value || code !== EMPTY);
   const flags = [...ofRoad, ...(journey.value?.flags ?? [])];
-  const count = warningsOf(flags, wording).length;
+  const count = warningsOf(flags, wording.value).length;
   const planned = trip.value?.links ?? trip.value?.stops;
   const own = ownCars.value?.find(({ name }) => name === car.value?.own);
   return (
@@ -483,6 +486,24 @@ function HowSure({ of, now }: { of: Forecast; now: Answer }) {
         </p>
         <Warnings flags={flags} others={others} serious={isOpen ? false : null} />
       </details>
+    </>
+  );
+}
+
+let farTexts: string[] = [];
+
+/** Places that are far from their road; of before while an end is dragged, so that the map below stays where it is. */
+function FarTexts() {
+  const flags = (journey.value?.flags ?? []).filter(({ code }) => code === FAR);
+  const now = roadPoints.value ? warningsOf(flags, wording.value).map((warning) => warning.text) : [];
+  if (!trip.value?.isDraft) farTexts = now;
+  return (
+    <>
+      {farTexts.map((one) => (
+        <p key={one} class="off-road">
+          {one}
+        </p>
+      ))}
     </>
   );
 }
@@ -507,6 +528,7 @@ export function VerdictCard() {
       aria-labelledby="verdict-title"
       aria-busy={isLate.value || (!shown && !isDistance)}
     >
+      <FarTexts />
       <div class="heading">
         <h2 id="verdict-title">{isLate.value && !isOther ? words.calculating : said}</h2>
         {trip.value && <ShareTools />}

@@ -1,6 +1,6 @@
 import type { Flag } from "../api/documents";
 import { warningsOf } from "../model/flags";
-import { format, text, units } from "../state/preferences";
+import { text, wording } from "../state/preferences";
 import { Icon } from "./icons";
 import { Said } from "./said";
 
@@ -14,10 +14,9 @@ interface Props {
 
 /** Warnings (`serious`) or notes of a forecast, or both. */
 export function Warnings({ flags, others = [], serious }: Props) {
-  const wording = { text: text.value, format: format.value, units: units.value };
   const { flags: words, compare } = text.value;
-  const own = warningsOf(flags, wording);
-  const further = warningsOf(others, wording)
+  const own = warningsOf(flags, wording.value);
+  const further = warningsOf(others, wording.value)
     .filter((one) => !own.some((known) => known.text === one.text))
     .map((one) => ({ ...one, text: compare.onSecond(one.text) }));
   const warnings = [...own, ...further];
