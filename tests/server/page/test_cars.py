@@ -176,7 +176,7 @@ def test_a_car_is_made_taught_used_and_deleted(opened: Any, service: Service) ->
     page.locator(".sure summary").click()
     given = page.locator(".sure .given").inner_text()
     assert f"Learned from {TRIPS} trips." in given
-    assert ("they do not help yet" in given) != is_better
+    assert ("not more accurate for it yet" in given) != is_better
     assert page.locator("header [role=combobox]").input_value() == "my-i3: BMW i3 60 Ah"
     opens_with_the_only_car(page, service, "my-i3: BMW i3 60 Ah")
     manage_cars(page)

@@ -725,7 +725,7 @@ export const en = {
       `${count(trips, { one: "# of them has", other: "# of them have" })} no heights: switch on the altitude in the logging app for better forecasts.`,
     nothingYet: "No own trips yet: forecasts from published values.",
     learnedFrom: each({ one: "Learned from # trip", other: "Learned from # trips" }),
-    noGain: "The forecasts use them, but they do not help yet; add longer trips.",
+    noGain: "The forecasts are not more accurate for it yet; add longer trips.",
     taught: "What its trips show",
     factor: "Factor",
     differs: "Compared with the catalogue car",
