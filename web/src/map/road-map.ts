@@ -58,12 +58,6 @@ export interface MapHandlers {
   onView: (bounds: Bounds) => void;
 }
 
-/** A charging stop of the plan on the map, with its number. */
-export interface StopMark {
-  at: Point;
-  number: number;
-}
-
 /** MapLibre GL; a parameter, so that its code is a file of its own that changes with its version alone. */
 export type Library = typeof import("maplibre-gl");
 
@@ -292,7 +286,7 @@ export class RoadMap {
   private readonly map: Canvas;
   private readonly markers = new Map<Field, Marker>();
   private readonly waiting = new Map<Data, Collection>();
-  private stops: readonly StopMark[] = [];
+  private stops: readonly Point[] = [];
   private loaded = false;
 
   constructor(private readonly options: MapOptions) {
@@ -334,7 +328,8 @@ export class RoadMap {
     this.place();
   }
 
-  setStops(stops: readonly StopMark[]): void {
+  /** Charging stops of the plan in their order. */
+  setStops(stops: readonly Point[]): void {
     this.stops = stops;
     this.place();
   }
@@ -345,13 +340,12 @@ export class RoadMap {
       const { x, y } = this.map.project(at);
       return [x, y];
     };
-    const stops = this.stops.map(({ at }) => pixelOf(at));
+    const stops = this.stops.map(pixelOf);
     this.setData(
       "stops",
       groupsOf(stops).map((group) => {
-        const members = group.map((k) => this.stops[k] as StopMark);
-        const [{ at }] = members as [StopMark];
-        return pointFeature(at, { order: numbersText(members.map(({ number }) => number)) });
+        const order = numbersText(group.map((k) => k + 1));
+        return pointFeature(this.stops[group[0] ?? 0] as Point, { order });
       }),
     );
     const markers = [...this.markers.values()];
@@ -361,14 +355,10 @@ export class RoadMap {
       const [right, down] = leans[k] as Lean;
       marker.setOffset([(right * PIN_PX) / 2, (down * PIN_PX) / 2]);
       const element = marker.getElement();
-      element.dataset.lean = anchorOf([right, down]);
-      const corners = [
-        right > 0 && down > 0,
-        right < 0 && down > 0,
-        right < 0 && down < 0,
-        right > 0 && down < 0,
-      ];
-      element.style.borderRadius = corners.map((isTip) => (isTip ? "4px" : "50%")).join(" ");
+      const tip = anchorOf([right, down]);
+      element.dataset.lean = tip;
+      element.style.borderRadius = "50%";
+      element.style.setProperty(`border-${tip}-radius`, "4px");
     }
     this.setData(
       "pins",

@@ -21,25 +21,26 @@ function parts(): string[] {
   const isJourney = source.value === "journey";
   const leaves = now.departsAt === null ? words.now : clockText(new Date(now.departsAt), new Date());
   const weather = now.weatherOfHour && isJourney;
-  return [
-    ...(isJourney ? [leaves] : []),
+  const parts = [
+    isJourney && leaves,
     weather ? words.weatherOfHour : shown(now.ambient_temperature_degc, temperature),
     shown(now.soc, PERCENT),
-    ...(now.wind_speed_m_s !== null && !weather
-      ? [`${words.fields.wind_speed_m_s} ${shown(now.wind_speed_m_s, speed)}`]
-      : []),
-    ...(now.rain_mm_h !== null && !weather ? [words.fields.rain_mm_h] : []),
+    now.wind_speed_m_s !== null &&
+      !weather &&
+      `${words.fields.wind_speed_m_s} ${shown(now.wind_speed_m_s, speed)}`,
+    now.rain_mm_h !== null && !weather && words.fields.rain_mm_h,
     ...(now.extras ?? []).map((extra) => words.choices.extras[extra]),
-    ...(now.tyre_pressure === null ? [] : [words.tyres(shown(now.tyre_pressure, PERCENT))]),
-    ...(now.climate === "auto" ? [] : [`${words.fields.climate}: ${words.choices.climate[now.climate]}`]),
-    ...(now.warmCabin ? [words.warmCabin] : []),
-    ...(now.warmBattery ? [words.warmBattery] : []),
-    ...(now.payload_mass_kg > 0 ? [`+${shown(now.payload_mass_kg, mass)}`] : []),
-    ...(isJourney && now.stopOverheadS !== USUAL.stopOverheadS
-      ? [words.perStop(shown(now.stopOverheadS, MINUTES))]
-      : []),
+    now.tyre_pressure !== null && words.tyres(shown(now.tyre_pressure, PERCENT)),
+    now.climate !== "auto" && `${words.fields.climate}: ${words.choices.climate[now.climate]}`,
+    now.warmCabin && words.warmCabin,
+    now.warmBattery && words.warmBattery,
+    now.payload_mass_kg > 0 && `+${shown(now.payload_mass_kg, mass)}`,
+    isJourney &&
+      now.stopOverheadS !== USUAL.stopOverheadS &&
+      words.perStop(shown(now.stopOverheadS, MINUTES)),
     words.reserve(shown(now.reserve, PERCENT)),
   ];
+  return parts.filter((part) => part !== false);
 }
 
 function open(): void {

@@ -1,4 +1,4 @@
-import type { Problem } from "../api/documents";
+import type { Fault, Problem } from "../api/documents";
 import { FAILED, UNREACHABLE } from "../api/client";
 import { loading, passBy, retry, source } from "../state/catalogue";
 import { PAGE_ERROR, problem } from "../state/forecast";
@@ -33,29 +33,19 @@ export function Failure() {
   if (!failure) return null;
   const { problems } = text.value;
   const { title, detail } = problemText(failure);
-  const unfit = failure.faults?.find(({ code }) => code === UNFIT)?.where;
-  const stop = vias.value.find((one) => unfit && one?.name === unfit);
-  if (unfit && stop) {
-    return (
-      <div class="failure" role="alert">
-        <Icon name="warning" />
-        <strong>{problems.unfit(unfit)}</strong>
-        <Button onClick={() => passBy(stop)} label={text.value.map.passBy} />
-      </div>
-    );
-  }
+  const isUnfit = ({ code, where }: Fault) => code === UNFIT && vias.value.some((one) => one?.name === where);
+  const unfit = failure.faults?.find(isUnfit)?.where;
+  const list = failure.faults?.length ? <FaultList faults={failure.faults} /> : null;
+  const avoid = () => vias.value.forEach((one) => one && one.name === unfit && passBy(one));
+  const label = unfit ? text.value.map.passBy : list ? text.value.close : problems.retry;
   return (
     <div class="failure" role="alert">
       <Icon name="warning" />
       <div>
-        <strong>{title}</strong>
-        {failure.faults?.length ? (
-          <FaultList faults={failure.faults} />
-        ) : (
-          <p lang={detail.lang}>{detail.text}</p>
-        )}
+        <strong>{unfit ? problems.unfit(unfit) : title}</strong>
+        {!unfit && (list ?? <p lang={detail.lang}>{detail.text}</p>)}
       </div>
-      <Button onClick={retry} label={failure.faults?.length ? text.value.close : problems.retry} />
+      <Button onClick={unfit ? avoid : retry} label={label} />
     </div>
   );
 }

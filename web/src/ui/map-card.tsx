@@ -214,12 +214,7 @@ function MapCanvas({
   });
   useSignalEffect(() => {
     const stops = (chargingPlan.value?.stops ?? []).map(({ station }) => station);
-    made.value?.setStops(
-      stops.map(({ longitude_deg, latitude_deg }, k) => ({
-        at: [longitude_deg, latitude_deg],
-        number: k + 1,
-      })),
-    );
+    made.value?.setStops(stops.map(({ longitude_deg, latitude_deg }) => [longitude_deg, latitude_deg]));
     made.value?.setData("stations", stationFeatures(view.value?.stations ?? [], stops, choice.value));
   });
   useSignalEffect(() => {
@@ -266,26 +261,28 @@ function hint(): string {
 function Legend() {
   const { map: words, journey: others } = text.value;
   const { avoid, networks } = choice.value;
-  const keys = [
-    ...(shownJourney() ? (["low", "usual", "high"] as const) : []).map((level) => [
-      `key-${level}`,
-      others[level],
-    ]),
-    ...(shownJourney() && !chargingPlan.value && (journey.value?.roads.length ?? 0) > 1
-      ? [["key-road", words.otherRoad]]
-      : []),
-    ...(chargingPlan.value ? [["key-stop", words.stop]] : []),
-    ...(map.value?.stations ? [["key-station", words.station]] : []),
-    ...(networks.length > 0 ? [["key-preferred", words.preferredStation]] : []),
-    ...(avoid.length > 0 ? [["key-avoided", words.avoidedStation]] : []),
+  const isJourney = shownJourney() !== null;
+  const hasOthers = !chargingPlan.value && (journey.value?.roads.length ?? 0) > 1;
+  const keys: [boolean, string, string][] = [
+    [isJourney, "key-low", others.low],
+    [isJourney, "key-usual", others.usual],
+    [isJourney, "key-high", others.high],
+    [isJourney && hasOthers, "key-road", words.otherRoad],
+    [chargingPlan.value !== null, "key-stop", words.stop],
+    [!!map.value?.stations, "key-station", words.station],
+    [networks.length > 0, "key-preferred", words.preferredStation],
+    [avoid.length > 0, "key-avoided", words.avoidedStation],
   ];
   return (
     <ul class="legend" aria-hidden="true">
-      {keys.map(([kind, name]) => (
-        <li key={kind} class={kind}>
-          {name}
-        </li>
-      ))}
+      {keys.map(
+        ([isThere, kind, name]) =>
+          isThere && (
+            <li key={kind} class={kind}>
+              {name}
+            </li>
+          ),
+      )}
     </ul>
   );
 }

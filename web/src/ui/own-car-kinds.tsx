@@ -86,13 +86,7 @@ function Kind({ of, fields }: { of: KindReading; fields: LogsReading["fields"] }
   const loggers: Record<string, string> = LOGGERS;
   const title = words.kind(of.files, of.shipped && (loggers[of.shipped] ?? of.shipped));
   return (
-    <details
-      class="as-table kind"
-      open={open}
-      onToggle={(event) => {
-        setOpen(event.currentTarget.open);
-      }}
-    >
+    <details class="as-table kind" open={open} onToggle={(event) => setOpen(event.currentTarget.open)}>
       <summary>
         {title}
         {isDoubtful && <span class="doubt"> {words.toCheck}</span>}
