@@ -106,6 +106,9 @@ def test_a_tariff_is_read_or_its_faults_are_named(tmp_path):
     late = Depot(AT - STEP, 11e3, None, tariff)
     with pytest.raises(InvalidInput, match="no price: tariff"):
         schedule(needs_of([(0, 4, 4, 1, 0, 50, 4)]), late)
+    early = Depot(AT - 14 * 96 * STEP, 11e3, 60e3)
+    with pytest.raises(InvalidInput, match="charging begins too early"):
+        schedule(needs_of([(0, 4, 4, 1, 0, 50, 4)]), early)
     for text, place in (("at,price\n1,2\n", "begins_at"), ("begins_at\n2026-01-11\n", "price")):
         file.write_text(text)
         with pytest.raises(InvalidInput, match=place):

@@ -27,7 +27,7 @@ BUDGETS: Final[Mapping[str, int]] = {
     "roads": 4_447,
     "server": 5_985,
     "fleet": 2_976,
-    "study": 4_653,
+    "study": 4_652,
     "gamm": 3_865,
 }
 """Most code lines of each part. They only fall: whoever needs lines finds them first. The fleet may have up to 3,400, for what a manager

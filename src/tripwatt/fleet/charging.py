@@ -36,6 +36,8 @@ _LEAST_W: Final = 0.1
 _MISSING_WH: Final = 1.0
 """Smallest power that is charged and smallest energy that counts as missing: choices, far below what a car shows."""
 _EMHASS_STEP: Final = dt.timedelta(minutes=30)
+_LONGEST: Final = 1344
+"""Largest number of quarters of an hour in a schedule: a choice, two weeks, because solving takes long, and no charge is kept for longer."""
 _FAST_W: Final = 1e7
 """Power that fills every battery within `STEP` [W]."""
 
@@ -132,9 +134,8 @@ class Schedule:
         table = self.table.sort_values(["vehicle_id", "begins_at"], kind="stable")
         follows = table["vehicle_id"].eq(table["vehicle_id"].shift()) & table["begins_at"].diff().eq(STEP)
         span = (~(follows & table["power_w"].diff().abs().lt(1.0))).cumsum()
-        table = table.assign(
-            ends_at=table["begins_at"] + STEP, charge_wh=EFFICIENCY * _STEP_H * table["power_w"]
-        )
+        charge_wh = EFFICIENCY * _STEP_H * table["power_w"]
+        table = table.assign(ends_at=table["begins_at"] + STEP, charge_wh=charge_wh)
         how = {
             "vehicle_id": "first",
             "begins_at": "min",
@@ -163,12 +164,20 @@ def schedule(needs: pd.DataFrame, depot: Depot, *, shared: bool = False) -> Sche
     Raises
     ------
     InvalidInput
-        If the tariff begins later than the charging.
+        If the tariff begins later than the charging, or a vehicle departs more than two weeks after it.
     """
     rows, so_far = depot.windows(needs), up_to_each(needs)
     begin = pd.Timestamp(depot.begins_at).tz_convert("UTC").ceil(STEP)
     spans = [(pd.to_datetime(rows[name], utc=True) - begin) / STEP for name in ("begins_at", "ends_at")]
     first, last = np.ceil(spans[0].clip(lower=0.0)).astype(int), np.floor(spans[1]).astype(int)
+    if last.max() > _LONGEST:
+        got, allowed = (
+            f"a departure at {rows['ends_at'].max()}",
+            "two weeks before the last departure, or later",
+        )
+        raise InvalidInput.of(
+            "charging begins too early", f"{depot.begins_at}", got, allowed, "give --begins"
+        )
     cells = [(k, t) for k, span in enumerate(zip(first, last, strict=True)) for t in range(*span)]
     row, quarter = np.array(cells, dtype=int).reshape(-1, 2).T
     times = pd.date_range(begin, periods=quarter.max(initial=-1) + 1, freq=STEP)
@@ -379,10 +388,7 @@ class Night:
     def document(self) -> dict[str, Any]:
         """The rows of the needs and of the schedule, the summary, the payload of `emhass`, and the paths of `evcc`, as data."""
         plan, depot = self.plan, self.depot
-        loads = (
-            (depot.windows(self.needs), depot.begins_at)
-            if plan is None
-            else (plan.loads, plan.begins_at, STEP)
-        )
+        windows = depot.windows(self.needs), depot.begins_at
+        loads = windows if plan is None else (plan.loads, plan.begins_at, STEP)
         tables = {name: records(table) for name, table in self.tables.items()}
         return {**tables, "depot": self.summary, "emhass": emhass(*loads), "evcc": evcc(self.needs)}

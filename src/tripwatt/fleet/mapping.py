@@ -218,9 +218,8 @@ def drive_segments(drive: Trip, car_model: str) -> SegmentTable | None:
     """
     if drive.observed_energy_wh is None:
         return None
-    measured = replace(
-        drive, samples=table_of({name: drive.array(name) for name in _MEASURED if name in drive})
-    )
+    samples = table_of({name: drive.array(name) for name in _MEASURED if name in drive})
+    measured = replace(drive, samples=samples)
     car = load_car(car_model)
     try:
         plan = Plan.from_trip(drive)

@@ -252,9 +252,8 @@ def fit_fleet(
     chosen = sample_digests(records, sampling.per_vehicle, sampling.vehicles, sampling.seed)
     rows, results = store_rows(store, listed, work, workers, sampled=chosen, progress=progress)
     if len(rows) < _MIN_TRIPS:
-        raise InvalidInput.of(
-            "too few trips", "fleet", f"{len(rows)}", f"at least {_MIN_TRIPS} with measured energy"
-        )
+        allowed = f"at least {_MIN_TRIPS} with measured energy"
+        raise InvalidInput.of("too few trips", "fleet", f"{len(rows)}", allowed)
     sample = SampledTrips.read(results)
     return _fit_rows(rows, sample, sampling.seed)
 

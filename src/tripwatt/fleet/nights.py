@@ -336,9 +336,8 @@ def add_up_needs(trips: pd.DataFrame, probability: float, reserve: float) -> pd.
     ahead = parts.groupby(vehicle).transform("sum") - so_far + parts
     taken, sd = so_far["soc"], _sd(so_far[shared], so_far["own"])
     needs["soc_needed"] = ahead["soc"] + z * _sd(ahead[shared], ahead["own"]) + reserve
-    needs["spare"] = (
-        needs["soc"].fillna(needs.groupby("vehicle_id")["soc_needed"].transform("first")) - reserve - taken
-    )
+    leaves = needs["soc"].fillna(needs.groupby("vehicle_id")["soc_needed"].transform("first"))
+    needs["spare"] = leaves - reserve - taken
     needs["p_enough"] = ndtr(needs["spare"] / sd.clip(lower=1e-9)).where(needs["soc"].notna())
     missing = (taken + z * sd + reserve - needs["soc"]).clip(lower=0.0)
     before = missing.groupby(vehicle).shift(fill_value=0.0)

@@ -205,10 +205,8 @@ class Registry:
         try:
             return (self.folder / "current").read_text("utf-8").strip()
         except OSError as error:
-            fix = "run `tripwatt fleet fit` and promote its version"
-            raise InvalidInput.of(
-                "no version in use", f"{self.folder}", "", "a promoted version", fix
-            ) from error
+            where, fix = f"{self.folder}", "run `tripwatt fleet fit` and promote its version"
+            raise InvalidInput.of("no version in use", where, "", "a promoted version", fix) from error
 
     def load(self, version: str | None = None) -> FleetModel:
         """Load the model of a version, by default of the version in use."""

@@ -162,9 +162,8 @@ def _unchanged(log: Recorded, drives: Sequence[Recorded]) -> bool:
     if len(drives) != 1:
         return False
     (drive,) = drives
-    same = (
-        getattr(drive, name) == getattr(log, name) for name in ("trip_id", "context", "observed_energy_wh")
-    )
+    names = "trip_id", "context", "observed_energy_wh"
+    same = (getattr(drive, name) == getattr(log, name) for name in names)
     return all(same) and drive.samples.equals(log.samples)
 
 
