@@ -305,6 +305,8 @@ def test_months_are_of_a_table_or_of_the_trips_of_a_store(fleet, tmp_path):
     of_trips, trips = Climate.read(fleet[1].place), fleet[1].trips(columns=["started_at"])
     driven = pd.to_datetime(trips["started_at"]).dt.month.unique() - 1
     others = np.setdiff1d(np.arange(12), driven)
+    assert of_trips.unknown == {int(k) + 1 for k in others}
+    assert read.unknown == frozenset()
     assert of_trips.sd_k[others].mean() > 1.2 * of_trips.sd_k[driven].mean(), "what is unknown is a variance"
 
 
@@ -332,6 +334,11 @@ def test_the_command_chooses_vehicles_and_counts_chargers(fleet, tmp_path):
     assert {row["chargers"] for row in answer["chargers"]} <= {1, 2}
     shown = CliRunner().invoke(app, asked).stdout
     assert "Chargers for 2 vehicles" in shown
+    unknown = Climate.read(fleet[1].place).unknown
+    assert all(row["has_trips"] == (row["worst_month"] not in unknown) for row in answer["choices"])
+    assert ("(no trips)" in shown) == any(
+        row["is_assigned"] and not row["has_trips"] for row in answer["choices"]
+    )
     assert "In 95 % of the nights 1 of 3700 W are enough, with a peak of " in shown
     assert "Each vehicle then has enough with 95 %, all of them with " in shown
     more = CliRunner().invoke(app, [*asked, "--new", "vw_id3=3", "--grid", "0.5"])

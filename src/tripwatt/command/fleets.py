@@ -33,11 +33,12 @@ RegistryFolder = Annotated[Path, argument("REGISTRY", "Folder of the model's ver
 CLUSTER = "Scheduler of a Dask cluster, such as tcp://10.0.0.5:8786, in place of --jobs."
 CHOICES = "A library car, a TOML file, or all cars of a body, such as van. Repeatable."
 CLIMATE = "CSV with month, mean_degc, sd_k; or a store, whose trips have temperatures. Default: ROUTES."
-CHOICE = {"route": "{route}", "vehicle": "{car}", "year": "{chance:.0%}", "worst month": "{worst_chance:.0%}", "month": "{worst_month}",
+CHOICE = {"route": "{route}", "vehicle": "{car}", "year": "{chance:.0%}", "worst month": "{worst_chance:.0%}", "month": "{month}",
           "charge": "{soc_needed:.0%}", "kWh/year": "{energy_wh:,.0f}", "€/year": "{cost:,.0f}", "smallest": "{smallest}"}  # fmt: skip
 NEW_CARS = "N more vehicles of this car drive the routes, too, in turn. Repeatable."
 NEW = "{vehicles} new vehicles take {kwh:,.0f} kWh and {cost:,.0f} € a year; in the worst month one charge is enough with at least {worst_chance:.0%}."
 SMALLEST = "In 95 % of the nights {chargers} of {charger_w:g} W are enough, with a peak of {peak_w:,.0f} W. Each vehicle then has enough with {level:.3g} %, all of them with {p_enough:.0%}."
+NO_TRIPS = "a worst month in which no trip was driven has uncertain weather; --climate takes that of a CSV"
 WARRANTY = "What is guaranteed of the batteries' energy, up to which age and distance; a choice."
 WORK = "Folder of finished parts, which every worker reaches. Default: REGISTRY/work."
 
@@ -222,10 +223,8 @@ def forecast(
         known = departure()
     expected = model.forecast(plan, known, vehicle_id=vehicle_id, car_model=car_model, driver=driver)
 
-    return Answer(
-        lambda: {"vehicle_id": vehicle_id, **expected.to_dict(reserve)},
-        partial(show_arrival, expected, vehicle_id, reserve),
-    )
+    shown = partial(show_arrival, expected, vehicle_id, reserve)
+    return Answer(lambda: {"vehicle_id": vehicle_id, **expected.to_dict(reserve)}, shown)
 
 
 def batch(
@@ -397,11 +396,14 @@ def _show_choices(document: Mapping[str, Any], level: float) -> None:
 
     table, power, new = pd.DataFrame(document["choices"]), pd.DataFrame(document["chargers"]), document["new"]
     kwh = table.assign(energy_wh=table["energy_wh"] / 1000.0).fillna({"smallest": "none"})
+    kwh["month"] = kwh["worst_month"].astype(str) + kwh["has_trips"].map({True: "", False: " (no trips)"})
     first = kwh.sort_values(["is_assigned", "worst_chance"], ascending=False, kind="stable")
     best = first.drop_duplicates("route").sort_values("route")
     best["car"] = best["car"].where(best["is_assigned"] | (not table["is_assigned"].any()), "none left")
     cells = [[form.format(**row) for form in CHOICE.values()] for row in records(best)]
     print_table("Enough with one charge", [*CHOICE], cells, numbers=[*CHOICE][2:-1])
+    if not best["has_trips"].all():
+        print_notes([NO_TRIPS])
     if new is not None:
         say(NEW.format(**new, kwh=new["energy_wh"] / 1000.0))
     for vehicles, rows in power.groupby("vehicles") if len(power) else ():

@@ -21,9 +21,7 @@ PAIRS = "What an object store needs, such as AWS_REGION=eu-central-1; environmen
 CAR = "The car of all logs: a name of `tripwatt vehicles`, or a TOML file."
 CARS = "The car of each vehicle, in place of --car: a CSV file with the columns vehicle_id and car."
 
-STARTED = (
-    "Departure of logs without a date: ISO 8601, or the pattern of the files' names, such as log_%Y-%m-%d."
-)
+STARTED = "Departure of logs without a date: ISO 8601, or a pattern of file names, such as log_%Y-%m-%d."
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -70,10 +70,13 @@ class Climate(NamedTuple):
     ----------
     mean_degc, sd_k : ndarray, shape (12,)
         Mean [°C] and standard deviation [K], from January on.
+    unknown : frozenset of int
+        Months, 1 to 12, without a trip that has a temperature: theirs is that of trips of the months around, and uncertain.
     """
 
     mean_degc: FloatArray
     sd_k: FloatArray
+    unknown: frozenset[int] = frozenset()
 
     @classmethod
     def read(cls, place: Path | str) -> Climate:
@@ -103,7 +106,9 @@ class Climate(NamedTuple):
             raise InvalidInput.of("no temperatures", f"{place}", "trips without any", "some with one", fix)
         day = [day_of(dt.datetime.fromisoformat(f"{at}")) for at in trips["started_at"]]
         air = np.column_stack([trips["ambient_temperature_degc"], day])
-        return cls(*np.array([usual_air(air, 365.25 * (k + 0.5) / 12.0) for k in range(12)]).T)
+        usual = np.array([usual_air(air, 365.25 * (k + 0.5) / 12.0) for k in range(12)])
+        driven = {int(f"{at}"[5:7]) for at in trips["started_at"]}
+        return cls(usual[:, 0], usual[:, 1], frozenset(range(1, 13)) - driven)
 
     @property
     def air_degc(self) -> FloatArray:
@@ -229,9 +234,8 @@ def _recorded(vehicle: str, number: int, road: Plan) -> PlannedTrip:
     """Make a planned trip of a recorded one, without what its log knows of the vehicle; one without a date is a day of its own."""
     at = road.departure.departs_at or dt.datetime(1970, 1, 1) + dt.timedelta(days=number)
     road = replace(road, departure=Departure())
-    return PlannedTrip(
-        vehicle, vehicle, at.astimezone(), road, UNKNOWN, Departure(), None, None, f"{vehicle}: "
-    )
+    known = UNKNOWN, Departure(), None, None, f"{vehicle}: "
+    return PlannedTrip(vehicle, vehicle, at.astimezone(), road, *known)
 
 
 def choices(
@@ -260,7 +264,7 @@ def choices(
     -------
     DataFrame
         A row for each route and candidate: `route`, `car` (name of the candidate), `car_model`; `battery_wh`, energy of a full battery as displayed [Wh];
-        `chance` that one charge is enough, with the reserve, over the days of a year, `worst_chance` in `worst_month` (1 to 12);
+        `chance` that one charge is enough, with the reserve, over the days of a year, `worst_chance` in `worst_month` (1 to 12), which `has_trips` or uncertain weather without;
         `soc_needed` to leave with in that month, enough with `probability`; a value above 1 means that the route needs a battery larger by
         that factor. `energy_wh` of a year from the battery [Wh] and its `cost`. `is_assigned`: whether the vehicle drives the route by
         `assign`, with the chances of the worst month; `smallest`: car model with the smallest battery that serves the route, NaN if none does.
@@ -270,15 +274,14 @@ def choices(
     models, rows = {id(c.model): c.model for c in candidates}, []
     level = max(probability, SD_LEVEL)
     for route, trips in routes.items():
-        taken = {
-            key: np.array([_day(model, day, degc, level) for day in trips]) for key, model in models.items()
-        }
+        taken = {key: np.array([_day(m, day, degc, level) for day in trips]) for key, m in models.items()}
         for c in candidates:
             of_model = taken[id(c.model)]
             year_wh, soc, sd = make_interp_spline(degc, c.amounts(of_model), k=1, axis=-1)(air_degc)
             energy_wh = days * float(year_wh.mean())
             row: dict[str, Any] = {"route": route, "car": c.name, "car_model": c.model.vehicle.name}
             row |= {"battery_wh": float(of_model[0, 0, 4]), **_chances(soc, sd, reserve, probability)}
+            row["has_trips"] = row["worst_month"] not in climate.unknown
             rows.append(row | {"energy_wh": energy_wh, "cost": price * energy_wh / (1000.0 * EFFICIENCY)})
     table = pd.DataFrame(rows)
     served = table[table["worst_chance"] >= probability].sort_values("battery_wh", kind="stable")
