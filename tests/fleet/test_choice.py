@@ -339,7 +339,7 @@ def test_the_command_chooses_vehicles_and_counts_chargers(fleet, tmp_path):
     assert ("(no trips)" in shown) == any(
         row["is_assigned"] and not row["has_trips"] for row in answer["choices"]
     )
-    assert "In 95 % of the nights 1 of 3700 W are enough, with a peak of " in shown
+    assert "In 95 % of the nights 1 of 3700 W are enough if vehicles take turns, with a peak of " in shown
     assert "Each vehicle then has enough with 95 %, all of them with " in shown
     more = CliRunner().invoke(app, [*asked, "--new", "vw_id3=3", "--grid", "0.5"])
     assert more.exit_code == 0, more.output

@@ -37,7 +37,7 @@ CHOICE = {"route": "{route}", "vehicle": "{car}", "year": "{chance:.0%}", "worst
           "charge": "{soc_needed:.0%}", "kWh/year": "{energy_wh:,.0f}", "€/year": "{cost:,.0f}", "smallest": "{smallest}"}  # fmt: skip
 NEW_CARS = "N more vehicles of this car drive the routes, too, in turn. Repeatable."
 NEW = "{vehicles} new vehicles take {kwh:,.0f} kWh and {cost:,.0f} € a year; in the worst month one charge is enough with at least {worst_chance:.0%}."
-SMALLEST = "In 95 % of the nights {chargers} of {charger_w:g} W are enough, with a peak of {peak_w:,.0f} W. Each vehicle then has enough with {level:.3g} %, all of them with {p_enough:.0%}."
+SMALLEST = "In 95 % of the nights {chargers} of {charger_w:g} W are enough if vehicles take turns, with a peak of {peak_w:,.0f} W. Each vehicle then has enough with {level:.3g} %, all of them with {p_enough:.0%}."
 NO_TRIPS = "a worst month in which no trip was driven has uncertain weather; --climate takes that of a CSV"
 WARRANTY = "What is guaranteed of the batteries' energy, up to which age and distance; a choice."
 WORK = "Folder of finished parts, which every worker reaches. Default: REGISTRY/work."
