@@ -198,7 +198,25 @@ class Forecast:
         )
 
     def sds_wh(self, hours: FloatArray) -> FloatArray:
-        """Standard deviations of the energy over hours of the segments at the edges, without that of an unknown climb [Wh], shape (edges,)."""
+        """Standard deviations of the energy since departure, without that of an unknown climb.
+
+        Parameters
+        ----------
+        hours : ndarray, shape (segments,)
+            Part of each segment over which the error adds up [h], such as `open_hours`.
+
+        Returns
+        -------
+        ndarray, shape (edges,)
+            Standard deviation at each edge of the segments [Wh].
+
+        Examples
+        --------
+        >>> import tripwatt as tw
+        >>> forecast = tw.forecast(tw.read_route([{"length_m": 20_000.0, "speed_m_s": 15.0}]))
+        >>> bool(forecast.sds_wh(forecast.open_hours)[-1] == forecast.along.energy_sd_wh[-1])
+        True
+        """
         return np.concatenate(([0.0], np.hypot(self._own_sd_wh(hours), _remaining_sd_wh(self))))
 
     def _own_sd_wh(self, hours: FloatArray) -> FloatArray:
