@@ -88,7 +88,6 @@ class Trees:
     def __init__(self, data: Any | None, parameters: dict[str, Any]) -> None:
         self._data = data
         self._parameters = parameters
-        self._reseed = parameters["feature_fraction_bynode"] < 1.0
         self.position: list[int] = []  # index of each tree in the booster, -1 for a lone leaf
         self._restart()
 
@@ -96,7 +95,7 @@ class Trees:
         import lightgbm
 
         self.booster: Any = None if self._data is None else lightgbm.Booster(self._parameters, self._data)
-        self._n_kept = 0
+        self._n_kept = self._n_splits = 0
         self._score: Any = 0.0  # sum of the library's own leaf values at each row of the table
 
     def grow(self, gradient: FloatArray, weight: FloatArray, seed: int) -> None:
@@ -104,7 +103,7 @@ class Trees:
 
         The seed restarts the draw of columns, so that a tree depends only on the arguments.
         """
-        if self.booster is not None and self._reseed:
+        if self.booster is not None and self._parameters["feature_fraction_bynode"] < 1.0:
             self.booster.reset_parameter({"feature_fraction_seed": seed})
         # without a booster no column has two values
         if self.booster is None or self.booster.update(fobj=lambda _prediction, _data: (-gradient, weight)):
@@ -130,8 +129,9 @@ class Trees:
             return "", 0.0, True
 
         self.booster.eval_train(keep)
-        text = self.booster.model_to_string(num_iteration=1, start_iteration=self._n_kept - 1)
-        values = np.array(text.split("\nleaf_value=", 1)[1].split("\n", 1)[0].split(), dtype=np.float64)
+        n_splits = int(self.booster.feature_importance().sum())
+        leaves, self._n_splits = range(n_splits - self._n_splits + 1), n_splits
+        values = np.array([self.booster.get_leaf_output(self._n_kept - 1, leaf) for leaf in leaves])
         order, added = np.argsort(values), self._score - before
         ranked = values[order]
         place = np.searchsorted(0.5 * (ranked[1:] + ranked[:-1]), added)
