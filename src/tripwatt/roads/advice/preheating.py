@@ -263,7 +263,7 @@ def need_before_departure(
     at_departure = options.pop("soc", departure.soc), departure.departs_at
     needed = need(ahead, kind, departure, model=model, **options)
     trip = ahead if isinstance(ahead, Plan | Trip) else typical_road(1000.0 * ahead, kind)
-    forecast = model.forecast(trip, departure)
+    forecast = model.expect(trip, departure)
     until = before_departure(forecast, needed.soc_needed, plug_w, *at_departure)
     depends = until["charging_s"] and forecast.vehicle.charging is None
     assumed = (Flag("class_charging_curve", "charging"),) if depends else ()
