@@ -364,7 +364,7 @@ const de: Text = {
     thereFirst: (far) => `Nach ${far} laden, dann kommen Sie an`,
     belowReserve: "Sie kommen an, aber vielleicht unter der Reserve",
     stopBelow: (station, isLikely) =>
-      `Sie erreichen „${station}“ ${isLikely ? "wahrscheinlich" : "vielleicht"} nur unter Ihrer Reserve`,
+      `Sie erreichen „${station}“ ${isLikely ? "wahrscheinlich" : "vielleicht"} mit weniger als Ihrer Reserve`,
     stopMissed: (station) => `Sie erreichen „${station}“ vielleicht nicht`,
     mostlyBelow: "Sie kommen wahrscheinlich unter der Reserve an",
     doNotSetOut: (far) => `Fahren Sie nicht los: Der Ladestand reicht etwa ${far}`,
