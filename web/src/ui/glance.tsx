@@ -25,16 +25,14 @@ export function Glance() {
   const emptyM = chargingPlan.value ? null : emptyAfterM(of);
   const { result, verdict } = text.value;
   const { shown } = format.value;
+  const interval = rangeWithUnit(stop?.soc_interval ?? now.interval, PERCENT);
   if (isLate.value) return <div class="glance">{verdict.calculating}</div>;
   return (
     <div class="glance" aria-hidden="true">
       <strong>{shown(emptyM === null ? (stop?.soc_arrival ?? now.soc) : 0, PERCENT)}</strong>
       <span>
         {emptyM === null
-          ? result.glance(
-              rangeWithUnit(stop?.soc_interval ?? now.interval, PERCENT),
-              stop && stationName(stop.station),
-            )
+          ? result.glance(interval, stop && stationName(stop.station))
           : result.emptyAfter(shown(emptyM, units.value.distance, 0))}
       </span>
       <span>{result.glanceReserve(chanceInFigures(decisiveChance(now)))}</span>
