@@ -351,7 +351,32 @@ class ForecastModel:
 
     @one_blas_thread
     def expect(self, trip: Plan | Trip, departure: Departure | None = None) -> Forecast:
-        """Forecast as `forecast`, without the flag of a battery that does not last, which takes the charge along the road."""
+        """Forecast as `forecast`, without the flag of a battery that does not last, which takes the charge along the road.
+
+        Parameters
+        ----------
+        trip : Plan or Trip
+            As for `forecast`.
+        departure : Departure, optional
+            As for `forecast`.
+
+        Returns
+        -------
+        Forecast
+            The same energy and charge as those of `forecast`.
+
+        Raises
+        ------
+        InvalidInput
+            As for `forecast`.
+
+        Examples
+        --------
+        >>> import tripwatt as tw
+        >>> model, plan = tw.load_model(), tw.read_route([{"length_m": 5000.0, "speed_m_s": 15.0}])
+        >>> model.expect(plan).energy_wh == model.forecast(plan).energy_wh
+        True
+        """
         require_departure(departure)
         if not isinstance(trip, Plan | Recorded):
             fix = "make a plan with tripwatt.read_route"

@@ -236,7 +236,7 @@ def segment_table(
         "winter": {"winter": 1.0, "summer": 0.0}.get(departure.season or "", np.nan),
     }
     # where a segment ends at the speed of its start, trees must not split on the sign of a rounding error
-    features["acceleration_w"] = features["acceleration_w"].round(9)
+    features["acceleration_w"][np.abs(features["acceleration_w"]) < 1e-9] = 0.0
     simulated = np.asarray(features["simulated_w"])
     observed = climate = charge = errors = None
     if measured is not None:
