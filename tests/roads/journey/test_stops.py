@@ -602,6 +602,18 @@ def test_a_station_at_the_start_is_no_stop_on_the_way(model):
     assert (alone.charging, alone.verdict.advice) == (None, "charge_before")
 
 
+def test_a_station_behind_the_start_helps_where_no_other_does(model):
+    """The place of the road that is nearest to it is the start, but the car has to drive there."""
+    behind = Station(A.latitude_deg - 0.1, A.longitude_deg - 0.05, "Behind", 100_000.0, direct_current=True)
+    departure = tw.Departure(soc=0.35, ambient_temperature_degc=12.0)
+    found = journey(model, departure, (A, Place(47.0, 9.6)), replace(MADE, stations=(behind,)))
+    assert not any(road.forecast.p_arrive(0.1) > 0.5 for road in found.roads)
+    (stop,) = found.charging.stops
+    assert stop.station.name == "Behind"
+    assert stop.position_m > 10_000.0
+    assert found.verdict.advice == "stop"
+
+
 def test_a_battery_that_a_road_beyond_its_range_heats_starts_no_leg_so_hot():
     smart = tw.for_car(None, "smart_eq_fortwo")
     departure = tw.Departure(soc=0.9, ambient_temperature_degc=35.0)

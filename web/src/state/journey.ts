@@ -5,7 +5,7 @@ import { findReach, getMap, planJourney, viewMap } from "../api/client";
 import { Latest } from "../api/latest";
 import type { ChargingPlan, Journey, JourneyRequest, MapInfo, Place, Reach, Road } from "../api/documents";
 import { type End, type Field, metresBetween, type Point, pointAlong } from "../model/road";
-import { isSame, NO_CHOICE, type StationChoice } from "../model/stations";
+import { isSame, NO_CHOICE, placeOfStation, type StationChoice } from "../model/stations";
 import { car } from "./car";
 import { type Conditions, conditions, conditionsOfJourney } from "./conditions";
 import { fieldsOfCar, stopOf, type Trip, trip } from "./trip";
@@ -143,16 +143,20 @@ export function mergedJourney(
   };
 }
 
-/** The charging station that is nearest to a place in a straight line, of those within 1°, and how far it is; null where none is known. */
-export async function nearestStation(from: Place) {
+/** The charging station within 1° that is nearest by road, of the three that are nearest in a straight line [m], and the way; null where none is known. */
+export async function nearestStation(from: Place, roadTo: (to: Place) => Promise<Road | undefined>) {
   const { latitude_deg: north, longitude_deg: east } = from;
   for (const by of [0.1, 0.3, 1]) {
     const view = await viewMap([north - by, east - by, north + by, east + by]).catch(() => null);
     const found = (view?.stations ?? []).map((of) => ({ of, farM: metresBetween(of, from) }));
-    const [nearest] = found.sort((one, other) => one.farM - other.farM);
+    const near = found.sort((one, other) => one.farM - other.farM).slice(0, 3);
     // beyond the nearest side of the area, one outside of it may be nearer
     const sideM = metresBetween({ latitude_deg: north, longitude_deg: east + by }, from);
-    if (nearest && (nearest.farM <= sideM || by === 1)) return nearest;
+    if (near[0] && (near[0].farM <= sideM || by === 1)) {
+      const ways = near.map(async (one) => ({ ...one, way: await roadTo(placeOfStation(one.of, "")) }));
+      const lengthOf = (way?: Road) => way?.distance_m ?? Number.MAX_VALUE;
+      return (await Promise.all(ways)).reduce((a, b) => (lengthOf(b.way) < lengthOf(a.way) ? b : a));
+    }
   }
   return null;
 }

@@ -303,7 +303,7 @@ const de: Text = {
     onArrival: "Ladestand bei Ankunft",
     whenBack: "Ladestand bei der Rückkehr",
     atStop: (station) => `Ladestand an „${station}“`,
-    afterStop: (soc, band) => `Nach dem Laden dort: ${soc} (${band}) bei Ankunft`,
+    afterStop: (soc, band) => `Am Ziel: ${soc} (${band})`,
     measured: "gemessen",
     range: (low, high) => `${low} bis ${high}`,
     inTrips: (band) => `${band} bei 9 von 10 Fahrten`,

@@ -298,7 +298,7 @@ export const en = {
     onArrival: "Battery on arrival",
     whenBack: "Battery when back",
     atStop: (station: string) => `Battery at ${station}`,
-    afterStop: (soc: string, range: string) => `After charging there: ${soc} (${range}) on arrival`,
+    afterStop: (soc: string, range: string) => `At the end: ${soc} (${range})`,
     measured: "measured",
     range: (low: string, high: string) => `${low} to ${high}`,
     inTrips: (band: string) => `${band} in 9 of 10 trips`,

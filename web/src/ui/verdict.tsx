@@ -14,7 +14,7 @@ import {
 } from "../model/arrival";
 import { isBetter, seenIn } from "../model/diary";
 import { warningsOf } from "../model/flags";
-import { HERE_M, leadsElsewhere, placeOfStation, STATION_KIND } from "../model/stations";
+import { HERE_M, leadsElsewhere, STATION_KIND } from "../model/stations";
 import { ENERGY, PERCENT } from "../model/units";
 import { source } from "../state/catalogue";
 import { car } from "../state/car";
@@ -354,12 +354,9 @@ function Halts({ plan }: { plan: ChargingPlan | null }) {
   );
 }
 
-/** The road of a journey by the quick answer to a request; null where nothing is asked. */
-function useRoad(of: Trip, at: Conditions, isAsked: boolean): Road | null {
-  const body = JSON.stringify(isAsked && journeyRequest(of, at, car.value));
-  const ask = async () => (isAsked ? askJourney(JSON.parse(body), false) : null);
-  return useAsked(ask, [body])?.roads[0] ?? null;
-}
+/** The road of a journey by the quick answer, if there is one. */
+const quickRoad = async (of: Trip, at: Conditions): Promise<Road | undefined> =>
+  (await askJourney(journeyRequest(of, at, car.value), false).catch(() => null))?.roads[0];
 
 /** That no charging stop helps: of the station that the driver chose, why. */
 function noHelpText({ stops }: Trip): string {
@@ -375,11 +372,14 @@ function noHelpText({ stops }: Trip): string {
 
 /** That no charging stop helps, which station is the nearest, and how far a full battery helps where it `isShort`. */
 function NoStop({ of, from, isShort }: { of: Trip; from: Place; isShort: boolean }) {
-  const nearest = useAsked(() => nearestStation(from), [from]);
+  const at = conditions.value;
+  const roadTo = (to: Place) => quickRoad({ ...of, stops: [from, { ...to, kind: "" }], pauseS: null }, at);
+  const asked = JSON.stringify(journeyRequest(of, at, car.value));
+  const nearest = useAsked(() => nearestStation(from, roadTo), [asked]);
   const isHere = nearest !== null && nearest.farM < HEREABOUTS_M;
-  const there = nearest ? [from, { ...placeOfStation(nearest.of, ""), kind: "" }] : [];
-  const way = useRoad({ ...of, stops: there, pauseS: null }, conditions.value, nearest !== null && !isHere);
-  const full = useRoad(of, { ...conditions.value, soc: 1 }, isShort);
+  const way = isHere ? undefined : nearest?.way;
+  const askFull = async () => (isShort && (await quickRoad(of, { ...at, soc: 1 }))) || null;
+  const full = useAsked(askFull, [isShort, asked]);
   const chance = full ? chanceOf(full.forecast, conditions.value.reserve) : null;
   const { journey: words } = text.value;
   return (
@@ -388,18 +388,13 @@ function NoStop({ of, from, isShort }: { of: Trip; from: Place; isShort: boolean
       {nearest && (
         <>
           {isHere ? words.stationHere : words.nearest} <StationLink of={nearest.of} />
-          {isHere
-            ? words.chargeThere
-            : words.away(farText(way?.distance_m ?? nearest.farM), way !== null)}{" "}
+          {isHere ? words.chargeThere : words.away(farText(way?.distance_m ?? nearest.farM), !!way)}{" "}
         </>
       )}
       {way &&
         `${words.reachedAtAll(
           chanceInFigures(chanceAtAll(way.forecast)),
-          rangeWithUnit(
-            arrivalBand(way.forecast).map((soc) => Math.max(soc, 0)),
-            PERCENT,
-          ),
+          rangeWithUnit(arrivalBand(way.forecast), PERCENT),
         )} `}
       {chance !== null &&
         words.evenFull(format.value.shown(1, PERCENT), chanceInFigures(chance), chance < 0.01)}

@@ -200,8 +200,9 @@ class Corridor:
                 at = float(position[point])
                 if usable is None or any(_is_at(station, usable) for station in self.options.avoid):
                     continue
+                is_away = max(at, points[0].distance_m(usable.place)) >= START_M
                 # who is low charges at the next station
-                if at >= START_M or is_low or self._is_chosen(at, usable):
+                if is_away or is_low or self._is_chosen(at, usable):
                     pairs.append((at, usable))
         if len(pairs) <= _MAX_STATIONS:
             return pairs

@@ -120,9 +120,8 @@ def find_reach(forecaster: RoadForecaster, start: Place, atlas: Atlas, *, reserv
     targets = _choose_targets(forecaster, start, atlas)
     roads = [found[0] for place in targets if (found := or_none(atlas.router.roads, (start, place)))]
     if not roads:
-        for place in targets[:1]:
-            atlas.router.roads((start, place))  # raises the router's own reason if it has one
-        raise no_road([start, *targets[:1]], "no road away from the start")
+        atlas.router.roads((start, targets[0]))  # raises the router's own reason if it has one
+        raise no_road([start, targets[0]], "no road away from the start")
     forecasts = [forecaster.forecast(road, "reach") for road in roads]
     return reach_along(roads, forecasts, start, reserve, atlas.attribution)
 
