@@ -472,7 +472,7 @@ def test_who_charges_at_the_start_drives_nowhere_first_and_a_doubtful_charge_is_
     assert page.locator("#verdict-title").inner_text() == "You may reach Halbweg below your reserve"
     figure = " ".join(page.locator(".verdict .arrival").inner_text().split())
     there = "Battery at Halbweg 13% 11 to 15 % in 9 of 10 trips"  # and then of the end
-    assert figure == f"{there} After charging there: 42 % (40 to 44 %) on arrival"
+    assert figure == f"{there} At the end: 42 % (40 to 44 %)"
     assert page.locator(".headline ~ .todo").count() == 1
     below = True  # then what to do comes before the figures
     whole_answer(page, lambda: page.get_by_role("slider", name="Battery at departure").fill("8"))
@@ -572,12 +572,19 @@ def test_the_figures_of_a_way_back_are_those_of_its_end(page: Any, expected: lis
     page.unroute("**/v1/journeys")
 
 
-def test_who_reaches_no_station_is_told_not_to_set_out_and_then_what_to_do(page: Any) -> None:
+def test_who_reaches_no_station_is_told_not_to_set_out_and_then_what_to_do(
+    page: Any, expected: list[str]
+) -> None:
+    expected.append("422")
+
     def without_stops(route: Any) -> None:
-        answer = route.fetch().json() | {"charging": None, "charging_alternatives": [], "soc_needed": 0.3}
+        given = route.fetch()
+        if given.status == 422:  # no road to the station "Eck"
+            return route.fulfill(response=given)
+        answer = given.json() | {"charging": None, "charging_alternatives": [], "soc_needed": 0.3}
         answer["soc_needed_with_stops"] = with_stops
         answer["roads"] = [road | {"charging": None} for road in answer["roads"]]
-        route.fulfill(json=answer)
+        return route.fulfill(json=answer)
 
     def around(route: Any) -> None:
         at = [(47.09, 8.91, "Eck"), (47.0, 9.11, "Nah")]  # from Westend, 12 and 8 km
