@@ -373,7 +373,7 @@ def _charts(report: ManagerReport) -> Iterator[dict[str, Any]]:
     months, first = report.months, report.vehicles.head(_CHARTED)
     for title, name, table, series in (
         ("Energy by month [kWh]", "month", months, {"measured": "energy_wh", "expected": "expected_wh"}),
-        ("Largest gains by vehicle [€]", "vehicle_id", first, {"gain": "gain"}),
+        ("Cost above expectation by vehicle [€]", "vehicle_id", first, {"above expectation": "gain"}),
     ):
         if table is not None:
             values = [[label, _in_kilo(table)[key].round(1).tolist()] for label, key in series.items()]
