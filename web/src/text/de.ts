@@ -127,7 +127,7 @@ const de: Text = {
     leaveWith: (soc, expected, reserve) =>
       `Mit ${soc} losfahren: Ankunft mit etwa ${expected}, bei 19 von 20 Fahrten mindestens ${reserve}.`,
     justEnough: (soc, spares) =>
-      `${soc} reichen${spares ? ", viel Spielraum bleibt nicht" : ". Weniger wäre zu knapp"}.`,
+      `${soc} reichen${spares ? ", viel Spielraum bleibt nicht" : ". Mit weniger müssen Sie unterwegs laden"}.`,
     leaveWithStops: (soc) => `Wenn Sie vorher laden: auf ${soc} oder mehr, dann weiter mit Ladestopps.`,
     leaveWithout: (soc) => `Oder mit ${soc} losfahren und ohne Ladestopp ankommen.`,
     notEnough: "Auch eine volle Batterie reicht nicht: Laden Sie unterwegs.",
@@ -303,7 +303,6 @@ const de: Text = {
     onArrival: "Ladestand bei Ankunft",
     whenBack: "Ladestand bei der Rückkehr",
     atStop: (station) => `Ladestand an „${station}“`,
-    afterStop: (soc, band) => `Am Ziel: ${soc} (${band})`,
     measured: "gemessen",
     range: (low, high) => `${low} bis ${high}`,
     inTrips: (band) => `${band} bei 9 von 10 Fahrten`,
@@ -423,8 +422,7 @@ const de: Text = {
     title: "Was hilft",
     least: (chance) => `Eines davon genügt, um mit ${chance} Wahrscheinlichkeit anzukommen:`,
     leastWithoutStops: (chance) => `Eines davon genügt für ${chance} Wahrscheinlichkeit, ohne Ladestopp:`,
-    notEnough: (chance) =>
-      `Nichts davon reicht für ${chance} Wahrscheinlichkeit: vorher oder unterwegs laden.`,
+    notEnough: (chance) => `Nichts davon reicht für ${chance} Wahrscheinlichkeit: mit mehr Ladung losfahren.`,
     note: "Die Ersparnis ist genauer bekannt als der Gesamtverbrauch.",
     compared: "Verglichen mit der schnellsten Route und dem schnellsten Plan.",
     and: " und ",

@@ -121,7 +121,7 @@ export const en = {
     leaveWith: (soc: string, expected: string, reserve: string) =>
       `Leave with ${soc}: about ${expected} on arrival, at least ${reserve} in 19 of 20 trips.`,
     justEnough: (soc: string, spares: boolean) =>
-      `${soc} is enough${spares ? ", with little to spare" : ". Do not leave with less"}.`,
+      `${soc} is enough${spares ? ", with little to spare" : ". With less you have to charge on the way"}.`,
     leaveWithStops: (soc: string) => `If you can, charge to ${soc} or more first; then go with stops.`,
     leaveWithout: (soc: string) => `Or leave with ${soc} and drive without a stop.`,
     notEnough: "Even a full battery is not enough: charge on the way.",
@@ -298,7 +298,6 @@ export const en = {
     onArrival: "Battery on arrival",
     whenBack: "Battery when back",
     atStop: (station: string) => `Battery at ${station}`,
-    afterStop: (soc: string, range: string) => `At the end: ${soc} (${range})`,
     measured: "measured",
     range: (low: string, high: string) => `${low} to ${high}`,
     inTrips: (band: string) => `${band} in 9 of 10 trips`,
@@ -419,7 +418,7 @@ export const en = {
     least: (chance: string) => `One of these is enough to arrive with a chance of ${chance}:`,
     leastWithoutStops: (chance: string) =>
       `One of these gives a chance of ${chance} without a charging stop:`,
-    notEnough: (chance: string) => `Nothing here gives a chance of ${chance}: charge before, or on the way.`,
+    notEnough: (chance: string) => `Nothing here gives a chance of ${chance}: leave with more charge.`,
     note: "Savings are more certain than the total.",
     compared: "Compared with the fastest route and plan.",
     and: ", and ",

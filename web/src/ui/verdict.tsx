@@ -236,7 +236,7 @@ function Headline({ of, now }: { of: Forecast; now: Answer }) {
         <span class="range">{emptyM === null ? detail : <Empty of={of} afterM={emptyM} />}</span>
         {stop && (
           <span class="missing">
-            {result.afterStop(shown(now.soc, PERCENT), rangeWithUnit(now.interval, PERCENT))}
+            {onArrival}: {shown(now.soc, PERCENT)} ({rangeWithUnit(now.interval, PERCENT)})
           </span>
         )}
       </p>
