@@ -120,7 +120,7 @@ def test_a_road_without_a_station_is_no_advice_for_an_almost_empty_battery(model
             fast, *_ = super().roads(stops)
             return (fast, straight(A, B, 80.0, factor=0.9, south_deg=0.6))[: 1 + alternatives]
 
-    atlas = replace(MADE, router=Apart(), stations=(replace(MADE.stations[0], longitude_deg=9.2),))
+    atlas = replace(MADE, router=Apart(), stations=(replace(MADE.stations[0], longitude_deg=9.3),))
     found = journey(model, replace(COLD, soc=0.6), atlas=atlas, alternatives=1)
     assert found.arrives
     assert found.roads[1].whole(0.1).p_reserve < 0.2
