@@ -175,9 +175,8 @@ def schedule(needs: pd.DataFrame, depot: Depot, *, shared: bool = False) -> Sche
             f"a departure at {rows['ends_at'].max()}",
             "two weeks before the last departure, or later",
         )
-        raise InvalidInput.of(
-            "charging begins too early", f"{depot.begins_at}", got, allowed, "give --begins"
-        )
+        where, fix = f"{depot.begins_at:%Y-%m-%d %H:%M}", "give --begins"
+        raise InvalidInput.of("charging begins too early", where, got, allowed, fix)
     cells = [(k, t) for k, span in enumerate(zip(first, last, strict=True)) for t in range(*span)]
     row, quarter = np.array(cells, dtype=int).reshape(-1, 2).T
     times = pd.date_range(begin, periods=quarter.max(initial=-1) + 1, freq=STEP)

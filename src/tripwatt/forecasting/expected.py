@@ -145,7 +145,7 @@ class ExpectedTrip:
         grade = np.array(EVEN) * max(net.steepest(FAR, float(self.distance_m[-1])), 1e-3)
         at = np.interp(self.plan.array("time_s") - self.simulation.time_s[0], self.edges_s, self.distance_m)
         by_turns = np.where((at / LOCAL_M).astype(np.int64) % 2, -1.0, 1.0)
-        # a battery that the climb empties takes the energy of the descent, and hills on a climb waste little
+        # beyond those of the plan: a battery that its climb empties takes the energy of its descent, and hills on it waste little
         grades = [*grade, *np.outer(HILLS, by_turns)]
         time_s, run = self.simulation.time_s - self.simulation.time_s[0], self.simulation
         more_wh = energies_on_grades(self.vehicle, self.plan, run, grades) - run.energy_wh

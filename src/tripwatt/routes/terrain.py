@@ -104,9 +104,8 @@ class NetClimbs:
         factor = (distance_m / REFERENCE_M) ** GROWTH
         if self.known is not None:
             sd_m = partial(np.interp, xp=self.known.distance_m, fp=self.known.sd_m)
-            errors = np.hypot(sd_m(from_m + distance_m), sd_m(from_m)) / self.given(None).typical_m(
-                REFERENCE_M
-            )
+            usual_m = self.given(None).typical_m(REFERENCE_M)
+            errors = np.hypot(sd_m(from_m + distance_m), sd_m(from_m)) / usual_m
             factor = np.minimum(errors, factor) if from_m > 0.0 else errors
         limit = self.limit(distance_m)
         return np.asarray(np.clip(self.expected_m(distance_m, from_m) + over_10_km_m * factor, -limit, limit))

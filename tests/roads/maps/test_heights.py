@@ -26,12 +26,15 @@ def field(rng, scale_m, places=80, points=13, size_km=20.0):
 def test_errors_of_the_climb_are_as_large_as_stated():
     """Over 300 fields of scales from 20 to 600 m: a tenth of the climbs are outside of the 90 % interval at the middle and at the end."""
     rng = np.random.default_rng(3)
-    scores = []
+    scores, starts = [], []
     for scale_m in np.geomspace(20.0, 600.0, 300):
         known, road, height_m = field(rng, scale_m)
         climb = known.climb(*road)
         error = height_m - height_m[0] - climb.climb_m
         scores.append((error / np.maximum(climb.sd_m, 1e-9))[[6, -1]])
+        starts.append((height_m[0] - climb.start_m) / scale_m)
+    assert np.mean(starts) == pytest.approx(0.0, abs=0.05)
+    assert np.std(starts) < 0.7
     assert np.mean(np.abs(scores) > 1.645, axis=0) == pytest.approx([0.1, 0.1], abs=0.05)
     assert np.std(scores, axis=0) == pytest.approx([1.0, 1.0], abs=0.15)
 

@@ -579,7 +579,7 @@ def test_who_reaches_no_station_is_told_not_to_set_out_and_then_what_to_do(
 
     def without_stops(route: Any) -> None:
         given = route.fetch()
-        if given.status == 422:  # no road to the station "Eck"
+        if given.status == 422:  # no road to the station "Eck" or "Luft"
             return route.fulfill(response=given)
         answer = given.json() | {"charging": None, "charging_alternatives": [], "soc_needed": 0.3}
         answer["soc_needed_with_stops"] = with_stops
@@ -587,7 +587,8 @@ def test_who_reaches_no_station_is_told_not_to_set_out_and_then_what_to_do(
         return route.fulfill(json=answer)
 
     def around(route: Any) -> None:
-        at = [(47.09, 8.91, "Eck"), (47.0, 9.11, "Nah")]  # from Westend, 12 and 8 km
+        # from Westend, 12, 8 and 7.7 km; no road leads to the last
+        at = [(47.09, 8.91, "Eck"), (47.0, 9.11, "Nah"), (47.0, 8.899, "Luft")]
         by = float(re.findall("north=([0-9.]+)", route.request.url)[0]) - 47.0
         near = [one for one in at if max(one[0] - 47.0, abs(one[1] - 9.0)) < by]
         places = [

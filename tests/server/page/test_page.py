@@ -432,6 +432,7 @@ def test_another_car_is_forecast_with_its_published_values_and_a_missing_one_is_
     option = page.get_by_role("option", name=title).first
     while option.get_attribute("aria-selected") != "true":
         page.keyboard.press("ArrowDown")
+    assert page.locator(".car [role=option]").count() < len(cars)  # filtered before the answer
     with page.expect_response("**/v1/vehicles?*"):
         held[0].continue_()
     assert option.get_attribute("aria-selected") == "true"
