@@ -58,7 +58,9 @@ def exhaustive(problem):
         charged = problem.charging_s[there][:, None, :] - here.reshape(*arrived.shape, 1)
         charged = np.where(
             levels - MIN_GAIN_SOC >= arrival[:, :, None],
-            np.maximum(charged, np.maximum(problem.pause_s, MIN_CHARGE_S)[there, None, None]),
+            np.maximum(
+                charged, np.maximum(problem.pause_s - problem.overhead_s, MIN_CHARGE_S)[there, None, None]
+            ),
             np.inf,
         )
         total = (arrived[:, :, None] + charged).min(axis=1)

@@ -56,6 +56,17 @@ def test_roads_are_labelled_and_the_fastest_is_first(model):
     assert found.forecast is found.roads[0].forecast
 
 
+def test_the_charge_to_drive_without_a_stop_is_that_of_the_road_that_needs_the_least(model):
+    stops, low = (A, Place(47.0, 9.7)), replace(COLD, soc=0.6)
+    found = journey(model, low, stops, alternatives=1)
+    assert found.charging is not None
+    assert found.soc_needed == min(soc_needed(road.forecast) for road in found.roads)
+    charged = journey(model, replace(COLD, soc=found.soc_needed), stops, alternatives=1)
+    (slow,) = [road for road in charged.roads if "shortest" in road.labels]
+    assert slow.forecast.p_arrive(0.1) == pytest.approx(0.95, abs=0.01)
+    assert charged.soc_needed == pytest.approx(found.soc_needed)
+
+
 def test_the_speed_with_which_the_journey_arrives_is_the_highest_one(model):
     far = Place(47.0, 9.9)
     found = journey(
@@ -133,7 +144,7 @@ def test_a_pause_at_the_destination_counts_in_time_energy_and_flags(model):
 
 
 def test_a_car_charges_in_the_pause_beside_a_station(model):
-    """Without a pause the stop costs its time; in the pause it takes only the time to plug in, also at a slow station."""
+    """Without a pause the stop costs its time; in the pause, of which plugging in is a part, it takes none, also at a slow station."""
     work = Station(47.0, 9.201, "Work", 11_000.0, direct_current=False)
     atlas = replace(MADE, stations=(work, Station(47.0, 9.1, "Fast", 150_000.0, direct_current=True)))
     low = replace(COLD, soc=0.5)
@@ -143,11 +154,11 @@ def test_a_car_charges_in_the_pause_beside_a_station(model):
     )
     assert [stop.station.name for stop in at_once.charging.stops] == ["Fast"]
     (stop,) = paused.charging.stops
-    assert (stop.station, stop.pause_s, stop.charging_s) == (work, 8.0 * HOUR_S, 8.0 * HOUR_S)
-    assert paused.charging.charging_s == stop.overhead_s == 300.0
+    assert (stop.station, stop.pause_s, stop.charging_s) == (work, 8.0 * HOUR_S, 8.0 * HOUR_S - 300.0)
+    assert (paused.charging.charging_s, stop.overhead_s) == (0.0, 300.0)
     assert stop.soc_leave > 0.9
-    assert " for 8 h 00 min in the pause: " in stop.in_words()
-    assert paused.verdict.duration_s == pytest.approx(paused.verdict.driving_s + 300.0)
+    assert " for 7 h 55 min in the pause: " in stop.in_words()
+    assert paused.verdict.duration_s == pytest.approx(paused.verdict.driving_s)
     course = paused.charging.to_dict()["course"]
     assert (np.diff(course["time_s"]) >= 0.0).all()
     assert course["time_s"][-1] == pytest.approx(paused.charging.duration_s, abs=20.0)

@@ -18,7 +18,7 @@ export interface Answer {
   drivingS: number;
   /** With the time to begin and to end each stop. */
   chargingS: number;
-  /** Of it, to begin and to end the stops. */
+  /** Of it, to begin and to end the stops that are in no pause. */
   overheadS: number;
   charges: number;
 }
@@ -50,7 +50,7 @@ export function answerWithStops(plan: ChargingPlan): Answer {
     distanceM: plan.course.position_m.at(-1) ?? 0,
     drivingS: plan.driving_s,
     chargingS: plan.charging_s,
-    overheadS: plan.stops.reduce((sum, { overhead_s }) => sum + overhead_s, 0),
+    overheadS: plan.stops.reduce((sum, { overhead_s, pause_s }) => sum + (pause_s > 0 ? 0 : overhead_s), 0),
     charges: plan.stops.length,
   };
 }

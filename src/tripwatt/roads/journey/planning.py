@@ -186,8 +186,8 @@ class Journey:
     reserve : float
         Displayed state of charge to arrive with.
     soc_needed : float
-        Displayed charge to leave with, to arrive with the reserve in 19 of 20 trips. A value above 1 means that a full battery does not
-        suffice. The value is 0 if any charge suffices.
+        Displayed charge to leave with, to arrive without a stop and with the reserve in 19 of 20 trips: on the first road if it suffices
+        there, else the least of all roads. A value above 1 means that a full battery does not suffice. The value is 0 if any charge suffices.
     costs_wh : dict
         Energy that the journey, with its stops, would save without `climate`, without `wind`, and without `speed` above 100 km/h on
         motorways.
@@ -489,7 +489,7 @@ def journey_with(
     --------
     >>> journey_with(forecaster, find_stops(["Vaduz", "Malbun"], atlas), atlas, JourneyOptions())  # doctest: +SKIP
     """
-    title = " to ".join(place.title for place in stops)[:100]
+    reserve, title = options.reserve, " to ".join(place.title for place in stops)[:100]
     forecaster = replace(forecaster, heights=atlas.heights_around(stops))
     found = atlas.router.roads(stops, alternatives=options.alternatives)
     if options.pause_s:
@@ -500,31 +500,32 @@ def journey_with(
     corridors = {
         k: Corridor(forecaster, road.road, road.forecast, atlas, options, stops[1:-1])
         for k, road in enumerate(roads)
-        if is_planned and (is_chosen or road.whole(options.reserve).p_reserve < CERTAIN)
+        if is_planned and (is_chosen or road.whole(reserve).p_reserve < CERTAIN)
     }
     for k, corridor in corridors.items() if len(roads) > 1 else ():
         roads[k] = replace(roads[k], charging=fastest_plan(corridor))
-    order = _order([road.whole(options.reserve) for road in roads], is_planned)
+    order = _order([road.whole(reserve) for road in roads], is_planned)
     chosen = corridors.get(order[0])
     plans = find_plans(chosen) if chosen else ()
     with_stops = plans[0].soc_needed if plans else None
-    without = roads[order[0]].forecast.p_arrive(options.reserve)
+    without = roads[order[0]].forecast.p_arrive(reserve)
     plans = tuple(plan for plan in plans if helps(plan, without))
     roads[order[0]] = replace(roads[order[0]], charging=next(iter(plans), None))
-    forecasts = _label_roads([roads[k] for k in order], options.reserve)
+    forecasts = _label_roads([roads[k] for k in order], reserve)
     first = forecasts[0]
-    needed = soc_needed(first.forecast, options.reserve, CERTAIN)
+    alone = forecasts if without < CERTAIN else (first,)
+    needed = min(soc_needed(road.forecast, reserve, CERTAIN) for road in alone)
     driven_back = (Flag("no_pause", "road"),) * (options.round_trip and not options.pause_s)
     noted = _far_from_road(stops, first.road) + driven_back
-    journey = Journey(stops, forecasts, options.reserve, needed, flags=noted, attribution=atlas.attribution)
+    journey = Journey(stops, forecasts, reserve, needed, flags=noted, attribution=atlas.attribution)
     if not options.answers:
         return journey
-    speed = _speed_advice(forecaster, first, options.reserve)
+    speed = _speed_advice(forecaster, first, reserve)
     journey = replace(journey, speed=speed, charging_alternatives=plans[1:])
     if plans or (options.charge and without < CERTAIN):
         flags = (*noted, *_charging_flags(chosen, plans))
         journey = replace(journey, corridor=chosen, flags=flags, soc_needed_with_stops=with_stops)
-    costs = [_leg_costs(leg, forecaster) for leg in first.whole(options.reserve).legs]
+    costs = [_leg_costs(leg, forecaster) for leg in first.whole(reserve).legs]
     return replace(journey, costs_wh={cause: sum(cost[cause] for cost in costs) for cause in costs[0]})
 
 

@@ -48,7 +48,7 @@ class StopProblem:
     overhead_s : float
         Time of each stop besides charging [s].
     pause_s : ndarray, shape (nodes,)
-        Pause of the journey at each station [s], which the legs have. The car charges meanwhile, and leaves no sooner.
+        Pause of the journey at each station [s], which the legs have. The car is plugged in and charges meanwhile, and leaves no sooner.
 
     Examples
     --------
@@ -60,7 +60,7 @@ class StopProblem:
     ((0, 1, 2), (0.8, 0.5), 10020)
     >>> in_pause = least_time(replace(problem, pause_s=np.array([0.0, 1800.0, 0.0])))
     >>> in_pause.levels, round(in_pause.duration_s)
-    ((0.8, 0.8), 9300)
+    ((0.8, 0.71), 9000)
     """
 
     start_soc: float
@@ -73,8 +73,8 @@ class StopProblem:
 
     @property
     def least_s(self) -> FloatArray:
-        """Shortest time of charging at each node [s]."""
-        return np.maximum(self.pause_s, MIN_CHARGE_S)
+        """Shortest time of charging at each node [s]; plugging in is part of a pause."""
+        return np.maximum(self.pause_s - self.overhead_s, MIN_CHARGE_S)
 
     @property
     def levels(self) -> FloatArray:

@@ -162,10 +162,8 @@ class ChargingStop:
             f"for {period(self.charging_s)}{' in the pause' * (self.pause_s > 0.0)}: you arrive there with {arrival} % ({low} to {high} %) and leave with {leave} %. "
             f"Needed only below {math.ceil(100.0 * self.needed_below - 1e-6)} %."
         )
-        if self.if_full is not None:
-            text += (
-                f" If it is occupied: {self.if_full.station.place.title}, {period(self.if_full.more_s)} more."
-            )
+        if (full := self.if_full) is not None:
+            text += f" If it is occupied: {full.station.place.title}, {period(full.more_s)} more."
         return f"{text} Heat the battery on the way there." if self.preheat else text
 
 

@@ -423,7 +423,7 @@ class PlanResponse(schemas.ResponseModel):
     p_arrive: float
     """`p_reserve` of `verdict`: with the reserve at every stop and at the end; `p_arrive` of `verdict` is another one"""
     soc_needed: float
-    """displayed state of charge to leave with, to arrive with the reserve in 19 of 20 trips; above 1: a full battery does not suffice; 0: any charge does"""
+    """displayed state of charge to leave with, to arrive without a stop and with the reserve in 19 of 20 trips: on the first road if it suffices there, else the least of all roads; above 1: a full battery does not suffice; 0: any charge does"""
     soc_needed_with_stops: float | None
     """the same with stops to charge, if no plan with stops arrives as it is"""
     leave: str
