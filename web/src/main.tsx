@@ -33,9 +33,8 @@ import { TripPanel } from "./ui/trip-panel";
 import { VerdictCard } from "./ui/verdict";
 
 function Foot() {
-  const used = model.value;
+  const learned = model.value?.model;
   const { foot } = text.value;
-  const { name, model: learned } = used ?? {};
   const { own, title = "" } = car.value ?? {};
   return (
     <footer>
@@ -44,11 +43,11 @@ function Foot() {
           {foot.ownCar(labelOf(own), title)} {foot.caution}
         </p>
       )}
-      {!own && name && learned && (
+      {!own && learned && (
         <p>
           {isMeasured.value
-            ? `${learned.car_title}. ${foot.model(name, learned.trips)}`
-            : `${foot.published(vehicle.value?.title ?? car.value?.title ?? "")} ${foot.modelOfCar(name, learned.trips, learned.car_title)}`}{" "}
+            ? `${learned.car_title}. ${foot.model(learned.trips)}`
+            : `${foot.published(vehicle.value?.title ?? car.value?.title ?? "")} ${foot.modelOfCar(learned.trips, learned.car_title)}`}{" "}
           {foot.caution}
         </p>
       )}

@@ -143,20 +143,20 @@ export function mergedJourney(
   };
 }
 
-/** The charging station within 1° that is nearest by road, of the three that are nearest in a straight line [m], and the way; null where none is known. */
+/** The charging station within 1° that is nearest by road, and the way; of an area, the three that are nearest in a straight line are tried. Null where none is known. */
 export async function nearestStation(from: Place, roadTo: (to: Place) => Promise<Road | undefined>) {
   const { latitude_deg: north, longitude_deg: east } = from;
-  for (const by of [0.1, 0.3, 1]) {
+  for (const by of [0.3, 1]) {
     const view = await viewMap([north - by, east - by, north + by, east + by]).catch(() => null);
     const found = (view?.stations ?? []).map((of) => ({ of, farM: metresBetween(of, from) }));
     const near = found.sort((one, other) => one.farM - other.farM).slice(0, 3);
     // beyond the nearest side of the area, one outside of it may be nearer
     const sideM = metresBetween({ latitude_deg: north, longitude_deg: east + by }, from);
-    if (near[0] && (near[0].farM <= sideM || by === 1)) {
-      const ways = near.map(async (one) => ({ ...one, way: await roadTo(placeOfStation(one.of, "")) }));
-      const lengthOf = (way?: Road) => way?.distance_m ?? Number.MAX_VALUE;
-      return (await Promise.all(ways)).reduce((a, b) => (lengthOf(b.way) < lengthOf(a.way) ? b : a));
-    }
+    if (!near[0] || (near[0].farM > sideM && by < 1)) continue;
+    const ways = near.map(async (one) => ({ ...one, way: await roadTo(placeOfStation(one.of, "")) }));
+    const lengthOf = (way?: Road) => way?.distance_m ?? Number.MAX_VALUE;
+    const best = (await Promise.all(ways)).reduce((a, b) => (lengthOf(b.way) < lengthOf(a.way) ? b : a));
+    if (lengthOf(best.way) <= sideM || by === 1) return best;
   }
   return null;
 }

@@ -7,6 +7,7 @@ import type { Forms, Plural } from "./plural";
 let count: Plural;
 const each = (forms: Forms) => (number: number) => count(number, forms);
 const tripsText = each({ one: "# Fahrt", other: "# Fahrten" });
+const measuredText = each({ one: "# gemessenen Fahrt", other: "# gemessenen Fahrten" });
 const filesText = each({ one: "# Datei", other: "# Dateien" });
 const stopsText = each({ one: "# Ladestopp", other: "# Ladestopps" });
 const timesText = each({ one: "einmal", other: "#-mal" });
@@ -46,10 +47,8 @@ const de: Text = {
   foot: {
     ownCar: (name, car) => `${name}, ${car}: Modell aus eigenen Fahrten.`,
     published: (car) => `${car}, aus veröffentlichten Werten.`,
-    model: (model, trips) =>
-      `Modell ${model}, aus ${count(trips, { one: "# gemessenen Fahrt", other: "# gemessenen Fahrten" })}.`,
-    modelOfCar: (model, trips, car) =>
-      `Modell ${model}, aus ${count(trips, { one: "# gemessenen Fahrt", other: "# gemessenen Fahrten" })} eines anderen Autos: ${car}.`,
+    model: (trips) => `Modell aus ${measuredText(trips)}.`,
+    modelOfCar: (trips, car) => `Modell aus ${measuredText(trips)} eines anderen Autos: ${car}.`,
     caution: "Eine Prognose ist keine Garantie. Planen Sie eine Reserve ein.",
     openapi: "Für Entwickler: OpenAPI",
     licences: "Lizenzen",
@@ -69,7 +68,7 @@ const de: Text = {
     exampleOfMap: "ein Beispiel auf dieser Karte",
     assumedRoute: "angenommene Strecke",
     recorded: "aufgezeichnete Fahrt",
-    speedTrace: "Geschwindigkeitsverlauf",
+    speedTrace: "aufgezeichnete Geschwindigkeiten",
     links: each({ one: "# Straßenabschnitt", other: "# Straßenabschnitte" }),
     chooseFile: "Datei auswählen oder hier ablegen",
     formats: "GPX, KML, GeoJSON, CSV oder eine Antwort von OSRM, Valhalla, openrouteservice, GraphHopper",
@@ -129,11 +128,12 @@ const de: Text = {
     justEnough: (soc, spares) =>
       `${soc} reichen${spares ? ", viel Spielraum bleibt nicht" : ". Mit weniger müssen Sie unterwegs laden"}.`,
     leaveWithStops: (soc) => `Wenn Sie vorher laden: auf ${soc} oder mehr, dann weiter mit Ladestopps.`,
-    leaveWithout: (soc) => `Oder mit ${soc} losfahren und ohne Ladestopp ankommen.`,
+    leaveWithout: (soc) => `Um ohne Laden zu fahren: mit mindestens ${soc} losfahren.`,
+    onlyInPause: (soc) => `Um nur in der Pause zu laden: mit mindestens ${soc} losfahren.`,
     notEnough: "Auch eine volle Batterie reicht nicht: Laden Sie unterwegs.",
     anyCharge: (reserve) => `Jeder Ladestand reicht: bei 19 von 20 Fahrten bleiben mindestens ${reserve}.`,
     chargeFirst: (soc, isLow) =>
-      `Wenn Sie hier laden können: auf ${soc} vor der Abfahrt.${isLow ? " Sonst rufen Sie Hilfe." : ""}`,
+      `Wenn Sie hier laden können: auf ${soc} vor der Abfahrt.${isLow ? " Sonst rufen Sie den Pannendienst." : ""}`,
     noStations: "Diese Karte hat keine Ladestationen.",
     noStopHelps: "Mit dieser Ladung wurde kein Ladestopp gefunden, mit dem Sie ankommen.",
     outOfReach: (station) => `Mit dieser Ladung erreichen Sie „${station}“ nicht.`,
@@ -146,7 +146,7 @@ const de: Text = {
     away: (far, isByRoad) => `, ${far} ${isByRoad ? "auf der Straße" : "Luftlinie"} entfernt.`,
     stationHere: "Hier ist eine Ladestation:",
     chargeThere: ". Laden Sie dort vor der Abfahrt.",
-    callHelp: "Wenn Sie hier nicht laden können, rufen Sie Hilfe.",
+    callHelp: "Wenn Sie hier nicht laden können, rufen Sie den Pannendienst.",
     atMost: (speed) => `Auf der Autobahn höchstens ${speed} fahren, um mit der Reserve anzukommen.`,
     atMostWithout: (speed) => `Oder auf der Autobahn höchstens ${speed} und ohne Ladestopp fahren.`,
     unnamedStation: "Ladestation",
@@ -154,12 +154,11 @@ const de: Text = {
     navigate: "In einer Navigations-App öffnen",
     forThere: (time, arrival, leave, clock, day) =>
       `“ fahren und dort ${time} laden, von ${arrival} auf ${leave}; Ankunft dort${day && ` ${day}`} gegen ${clock}.`,
-    chargingTime: (time, isPause) => (isPause ? "in der Pause" : time),
-    chargeHere: "Hier laden: an „",
+    chargingTime: (time, isPause, power) => (isPause ? "in der Pause" : `${time} mit etwa ${power}`),
+    chargeHere: (isOnTheWay) => `${isOnTheWay ? "Dort" : "Hier"} laden: an „`,
     forHere: (time, arrival, leave) => `“, ${time}, von ${arrival} auf ${leave}.`,
     turn: (place, soc, at, day) => `In ${place}${day && ` ${day}`} gegen ${at} mit ${soc}.`,
     pauseAt: (pause, at, day) => `${pause} Pause, Rückfahrt${day && ` ${day}`} gegen ${at}.`,
-    fewer: (stops, longer) => `Mit ${stops}: ${longer}`,
     chargingStops: "Ladestopps",
     chargingPlans: "Ladepläne",
     plans: {
@@ -175,14 +174,16 @@ const de: Text = {
     arriveThere: (range) => `Ankunft dort mit ${range}`,
     reached: (chance) => `mit der Reserve bei ${chance}`,
     reachedAtAll: (chance, range) => `Sie kommen dort bei ${chance} an, mit ${range}.`,
+    orCall: "Ist Ihnen das zu unsicher, rufen Sie den Pannendienst.",
     driveGently: "Langsam fahren, Heizung und Klimaanlage ausschalten: Beides hilft.",
-    only: (soc) => `nur ${soc}`,
     preheat: "Batterie auf dem Weg dorthin vorwärmen",
     plugs: { type2_combo: "CCS", chademo: "CHAdeMO", type2: "Typ 2", type2_cable: "Typ 2" },
+    detour: (far) => `davon ${far} zu Ladestationen`,
     neededBelow: (soc) => `nur nötig, wenn Sie dort weniger als ${soc} haben`,
     ifFull: (station, arrival, more, chance) =>
       `Falls besetzt: ${station}, erreicht mit ${arrival} (${chance})${more && `, ${more}`}.`,
-    noOther: "Ist sie besetzt, hilft keine andere Ladestation.",
+    otherPlan: "Ist sie besetzt, wählen Sie unten einen anderen Plan.",
+    noOther: "Ist sie besetzt, warten Sie: Keine andere Ladestation hilft.",
     longer: (time) => `${time} länger`,
     more: (figure) => `${figure} mehr`,
     less: (figure) => `${figure} weniger`,
@@ -198,10 +199,8 @@ const de: Text = {
     fromHere: "Von hier",
     here: "Ihr Standort",
     lacks: {
-      denied:
-        "Der Browser darf Ihren Standort nicht nennen. Erlauben Sie es ihm, oder geben Sie einen Ort ein.",
-      notFound:
-        "Ihr Standort wurde nicht gefunden. Versuchen Sie es im Freien, oder geben Sie einen Ort ein.",
+      denied: "Der Browser darf Ihren Standort nicht nennen. Erlauben Sie es, oder geben Sie einen Ort ein.",
+      notFound: "Ihr Standort wurde nicht gefunden. Versuchen Sie es draußen, oder geben Sie einen Ort ein.",
       outside: "Sie sind nicht im Gebiet dieser Karte. Geben Sie einen Ort auf ihr ein.",
     },
   },
@@ -214,8 +213,6 @@ const de: Text = {
     drag: "Verschieben Sie A oder B, um die neue Ankunft zu sehen.",
     stations: "Ladestationen im Ausschnitt",
     chooseStation: "Station wählen …",
-    direct: "Gleichstrom",
-    alternating: "Wechselstrom",
     assumed: "angenommen",
     stopHere: "Hier laden",
     keepStop: "Diesen Stopp behalten",
@@ -302,6 +299,7 @@ const de: Text = {
     otherCar: "„Fahren“ ist nicht möglich: Die Fahrt wurde mit einem anderen Auto gemessen.",
     onArrival: "Ladestand bei Ankunft",
     whenBack: "Ladestand bei der Rückkehr",
+    least: (soc, place) => `am wenigsten unterwegs: ${soc} an „${place}“`,
     atStop: (station) => `Ladestand an „${station}“`,
     measured: "gemessen",
     range: (low, high) => `${low} bis ${high}`,
@@ -326,8 +324,7 @@ const de: Text = {
     atDeparture: "bei Abfahrt",
     speedIn: (unit) => `Geschwindigkeit, ${unit}`,
     elevationIn: (unit) => `Höhe, ${unit}`,
-    chart: (from, to, band) =>
-      `Ladestand: ${from} bei Abfahrt, ${to} bei Ankunft, ${band} bei 9 von 10 Fahrten`,
+    chart: (from, to, band) => `Ladestand: ${from} am Start, ${to} am Ziel, ${band} bei 9 von 10 Fahrten`,
     roadChart: "Geschwindigkeit und Höhe entlang der Strecke; die Werte stehen in der Tabelle",
     givenPlanned: "Geplante Route; wie schnell dort gefahren wird, ist aus vielen Fahrten bekannt.",
     givenDriven: "Grundlage ist ein gefahrener Geschwindigkeitsverlauf: Die Geschwindigkeiten sind bekannt.",
@@ -478,7 +475,8 @@ const de: Text = {
       veryUnlikely: "Sehr unwahrscheinlich",
       almostImpossible: "Fast ausgeschlossen",
     },
-    withReserve: (reserve) => `: Ankunft mit ${reserve} oder mehr`,
+    withReserve: (reserve, hasStops) =>
+      hasStops ? `: ${reserve} oder mehr an jedem Stopp und am Ziel` : `: Ankunft mit ${reserve} oder mehr`,
     withCharge: ": Ankunft, bevor die Batterie leer ist",
     atAll: (figures) => `Ankommen: ${figures}`,
     announced: (word) => `${word}: Ankunft mit der Reserve.`,

@@ -7,6 +7,7 @@ import { type Forms, pluralOf } from "./plural";
 const count = pluralOf("en");
 const each = (forms: Forms) => (number: number) => count(number, forms);
 const tripsText = each({ one: "# trip", other: "# trips" });
+const measuredText = each({ one: "# measured trip", other: "# measured trips" });
 const filesText = each({ one: "# file", other: "# files" });
 const stopsText = each({ one: "# charging stop", other: "# charging stops" });
 const timesText = each({ one: "once", other: "# times" });
@@ -40,10 +41,8 @@ export const en = {
   foot: {
     ownCar: (name: string, car: string) => `${name}, ${car}: model from its own trips.`,
     published: (car: string) => `${car}, from published vehicle data.`,
-    model: (model: string, trips: number) =>
-      `Model ${model}, from ${count(trips, { one: "# measured trip", other: "# measured trips" })}.`,
-    modelOfCar: (model: string, trips: number, car: string) =>
-      `Model ${model}, from ${count(trips, { one: "# measured trip", other: "# measured trips" })} of a ${car}.`,
+    model: (trips: number) => `Model from ${measuredText(trips)}.`,
+    modelOfCar: (trips: number, car: string) => `Model from ${measuredText(trips)} of a ${car}.`,
     caution: "A forecast is not a guarantee. Keep a reserve.",
     openapi: "For developers: OpenAPI",
     licences: "Licences",
@@ -63,7 +62,7 @@ export const en = {
     exampleOfMap: "an example of this map",
     assumedRoute: "assumed road",
     recorded: "recorded trip",
-    speedTrace: "speed trace",
+    speedTrace: "recorded speeds",
     links: each({ one: "# road section", other: "# road sections" }),
     chooseFile: "Choose a file or drop it here",
     formats: "GPX, KML, GeoJSON, CSV, or a saved OSRM, Valhalla, openrouteservice or GraphHopper response",
@@ -123,11 +122,12 @@ export const en = {
     justEnough: (soc: string, spares: boolean) =>
       `${soc} is enough${spares ? ", with little to spare" : ". With less you have to charge on the way"}.`,
     leaveWithStops: (soc: string) => `If you can, charge to ${soc} or more first; then go with stops.`,
-    leaveWithout: (soc: string) => `Or leave with ${soc} and drive without a stop.`,
+    leaveWithout: (soc: string) => `To drive without charging: leave with ${soc} or more.`,
+    onlyInPause: (soc: string) => `To charge in the pause only: leave with ${soc} or more.`,
     notEnough: "Even a full battery is not enough: charge on the way.",
     anyCharge: (reserve: string) => `Any charge is enough to arrive with ${reserve} in 19 of 20 trips.`,
     chargeFirst: (soc: string, isLow: boolean) =>
-      `If you can charge here: to ${soc} before you set out.${isLow ? " Otherwise call for help." : ""}`,
+      `If you can charge here: to ${soc} before you set out.${isLow ? " Otherwise call roadside assistance." : ""}`,
     noStations: "This map has no charging stations.",
     noStopHelps: "With this charge, no charging stop was found with which you arrive.",
     outOfReach: (station: string) => `“${station}” is out of reach with this charge.`,
@@ -141,7 +141,7 @@ export const en = {
     away: (far: string, isByRoad: boolean) => `, ${far} ${isByRoad ? "by road" : "away in a straight line"}.`,
     stationHere: "There is a charging station here:",
     chargeThere: ". Charge there before you set out.",
-    callHelp: "If you cannot charge here, call for help.",
+    callHelp: "If you cannot charge here, call roadside assistance.",
     atMost: (speed: string) => `Drive no faster than ${speed} on motorways to arrive with the reserve.`,
     atMostWithout: (speed: string) => `Or drive at most ${speed} on the motorway, without a charging stop.`,
     unnamedStation: "Charging station",
@@ -149,14 +149,14 @@ export const en = {
     navigate: "Open in a navigation app",
     forThere: (time: string, arrival: string, leave: string, clock: string, day: string) =>
       `” and charge ${time}, from ${arrival} to ${leave}; you are there${day && ` ${day}`} at about ${clock}.`,
-    chargingTime: (time: string, isPause: boolean) => (isPause ? "in the pause" : `for ${time}`),
-    chargeHere: "Charge here, at “",
+    chargingTime: (time: string, isPause: boolean, power: string) =>
+      isPause ? "in the pause" : `for ${time} with about ${power}`,
+    chargeHere: (isOnTheWay: boolean) => `Charge ${isOnTheWay ? "there" : "here"}, at “`,
     forHere: (time: string, arrival: string, leave: string) => `”, ${time}, from ${arrival} to ${leave}.`,
     turn: (place: string, soc: string, at: string, day: string) =>
       `At ${place}${day && ` ${day}`} at about ${at} with ${soc}.`,
     pauseAt: (pause: string, at: string, day: string) =>
       `Pause of ${pause}; start back${day && ` ${day}`} at about ${at}.`,
-    fewer: (stops: string, longer: string) => `With ${stops}: ${longer}`,
     chargingStops: "Charging stops",
     chargingPlans: "Charging plans",
     plans: {
@@ -172,14 +172,16 @@ export const en = {
     arriveThere: (range: string) => `you arrive there with ${range}`,
     reached: (chance: string) => `with the reserve in ${chance}`,
     reachedAtAll: (chance: string, range: string) => `You get there in ${chance}, with ${range}.`,
+    orCall: "If that is too uncertain, call roadside assistance.",
     driveGently: "Drive slowly and switch heating and air conditioning off: both help.",
-    only: (soc: string) => `only ${soc}`,
     preheat: "warm up the battery on the way there",
     plugs: { type2_combo: "CCS", chademo: "CHAdeMO", type2: "Type 2", type2_cable: "Type 2" },
+    detour: (far: string) => `${far} of it to charging stations`,
     neededBelow: (soc: string) => `only needed if you have less than ${soc} there`,
     ifFull: (station: string, arrival: string, more: string, chance: string) =>
       `If it is full: ${station}, reached with ${arrival} (${chance})${more && `, ${more}`}.`,
-    noOther: "If it is occupied, no other station helps.",
+    otherPlan: "If it is occupied, choose another plan below.",
+    noOther: "If it is occupied, wait: no other station helps.",
     longer: (time: string) => `${time} longer`,
     more: (figure: string) => `${figure} more`,
     less: (figure: string) => `${figure} less`,
@@ -209,8 +211,6 @@ export const en = {
     drag: "Drag A or B to see the new arrival.",
     stations: "Charging stations in view",
     chooseStation: "Choose one …",
-    direct: "direct current",
-    alternating: "alternating current",
     assumed: "assumed",
     stopHere: "Stop here",
     keepStop: "Keep this stop",
@@ -297,6 +297,7 @@ export const en = {
     otherCar: "Drive is not available: the trip was measured with another car.",
     onArrival: "Battery on arrival",
     whenBack: "Battery when back",
+    least: (soc: string, place: string) => `least on the way: ${soc} at “${place}”`,
     atStop: (station: string) => `Battery at ${station}`,
     measured: "measured",
     range: (low: string, high: string) => `${low} to ${high}`,
@@ -416,8 +417,7 @@ export const en = {
   advice: {
     title: "What helps",
     least: (chance: string) => `One of these is enough to arrive with a chance of ${chance}:`,
-    leastWithoutStops: (chance: string) =>
-      `One of these gives a chance of ${chance} without a charging stop:`,
+    leastWithoutStops: (chance: string) => `One of these gives a chance of ${chance} without a stop:`,
     notEnough: (chance: string) => `Nothing here gives a chance of ${chance}: leave with more charge.`,
     note: "Savings are more certain than the total.",
     compared: "Compared with the fastest route and plan.",
@@ -476,7 +476,10 @@ export const en = {
       almostImpossible: "Almost impossible",
     },
     /** Appended to one of the words. */
-    withReserve: (reserve: string) => ` to arrive with ${reserve} or more`,
+    withReserve: (reserve: string, hasStops: boolean) =>
+      hasStops
+        ? ` to have ${reserve} or more at each stop and at the end`
+        : ` to arrive with ${reserve} or more`,
     withCharge: " to arrive before the battery is empty",
     atAll: (figures: string) => `To arrive at all: ${figures}`,
     announced: (word: string) => `${word} to keep the reserve.`,
@@ -696,13 +699,11 @@ export const en = {
     positive: "A positive current or power",
     discharge: "drives the car",
     charge: "charges the battery",
-    bySoc: (kwh: string) =>
-      `No current: the energy comes from the charge and a usable battery of ${kwh} kWh.`,
+    bySoc: (kwh: string) => `No current: the energy comes from the charge and a battery of ${kwh} kWh.`,
     unused: each({ one: "# column is ignored", other: "# columns are ignored" }),
     learnable: "What will be learned",
     nothingToLearn: "Nothing yet: these files contain no trip.",
-    ofLogs: (trips: string, logs: number) =>
-      `${trips} from ${count(logs, { one: "# log", other: "# logs" })}`,
+    ofLogs: (trips: string, n: number) => `${trips} from ${count(n, { one: "# log", other: "# logs" })}`,
     dates: "Dates",
     lost: (far: string, time: string) => `Not used: ${far} and ${time} of the trips`,
     inTrips: (times: number, trips: number) => `${timesText(times)} in ${tripsText(trips)}`,

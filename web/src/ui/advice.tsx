@@ -131,8 +131,7 @@ export function AdviceCard() {
   const found = advice.value;
   if (!found || source.value === "distance" || found.singly.length + found.speeds.length === 0) return null;
   const { advice: words } = text.value;
-  const { shown } = format.value;
-  const wanted = shown(found.probability, PERCENT);
+  const wanted = format.value.shown(found.probability, PERCENT);
   const arrivesWithStops = found.whole !== null && found.whole.p_reserve >= found.probability;
   const least = arrivesWithStops ? words.leastWithoutStops : words.least;
   return (

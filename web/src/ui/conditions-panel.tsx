@@ -141,11 +141,10 @@ function Several({ name }: { name: SeveralName }) {
 
 /** What few trips need, behind a heading that counts what is set. */
 function More({ children }: { children: ComponentChildren }) {
-  const { conditions: words } = text.value;
   const set = [...OPTIONAL, ...SEVERAL].filter((name) => conditions.value[name] !== null).length;
   return (
     <details class="more" open={set > 0}>
-      <summary>{words.more}</summary>
+      <summary>{text.value.conditions.more}</summary>
       <div class="fields">{children}</div>
     </details>
   );

@@ -1,10 +1,10 @@
 import type { ChargingPlan, Journey, Road, Stop, Whole } from "../api/documents";
-import { hundredthsOf, verdictOf } from "../model/arrival";
+import { verdictOf } from "../model/arrival";
 import { BELOW } from "../model/answer";
 import { HERE_M, leadsElsewhere } from "../model/stations";
 import { ENERGY, PERCENT } from "../model/units";
 import { chargingPlan, halts, isOfOtherPlaces } from "../state/answer";
-import { chooseRoad, requested } from "../state/forecast";
+import { chooseRoad } from "../state/forecast";
 import { answersAreOld, chargingPlans, chosenCharging, chosenRoad, journey } from "../state/journey";
 import { format, text, units } from "../state/preferences";
 import { trip } from "../state/trip";
@@ -14,6 +14,7 @@ import { StationActions } from "./station-panel";
 import {
   chanceInFigures,
   chargerParts,
+  chargingText,
   clockAfter,
   rangeWithUnit,
   stationName,
@@ -25,8 +26,8 @@ import {
 const MIN_SHOWN_S = 30;
 const MINUTE_S = 60;
 const MIN_SHOWN_WH = 10;
-/** So few of a hundred trips are none. */
-const DOES_NOT = 5;
+/** With a smaller chance, a road does not arrive. */
+const DOES_NOT = 0.045;
 
 /** What a road is, such as "fastest"; a number where the service gives no label. */
 export function labelOf({ roads }: Journey, index: number): string {
@@ -53,10 +54,9 @@ function Doubt({ chance }: { chance: number }) {
   const { journey, result } = text.value;
   const verdict = verdictOf(chance);
   if (verdict === "good") return <small class="unseen">{chanceInFigures(chance)}</small>;
-  const isNone = hundredthsOf(chance).count < DOES_NOT;
   return (
     <small class={`chance-${verdict}`}>
-      {isNone ? journey.doesNotArrive : result.glanceReserve(chanceInFigures(chance))}
+      {chance < DOES_NOT ? journey.doesNotArrive : result.glanceReserve(chanceInFigures(chance))}
     </small>
   );
 }
@@ -118,20 +118,31 @@ function Plans({ plans }: { plans: ChargingPlan[] }) {
   );
 }
 
+/** What to do if a station is occupied. */
+export function occupiedText({ if_full: full }: Stop): string {
+  const { journey: words } = text.value;
+  const { duration, shown } = format.value;
+  if (!full) return leadsElsewhere(chargingPlan.value, chargingPlans.value) ? words.otherPlan : words.noOther;
+  return words.ifFull(
+    stationName(full.station),
+    shown(full.soc_arrival, PERCENT),
+    full.more_s < MINUTE_S ? "" : words.longer(duration(full.more_s)),
+    chanceInFigures(full.p_reach),
+  );
+}
+
 function StopRow({ of, isTold }: { of: Stop; isTold: boolean }) {
   const { journey: words } = text.value;
-  const { duration, shown, span } = format.value;
-  const { reserve } = requested.value.at;
-  const { station, if_full: full } = of;
+  const { shown } = format.value;
+  const time = chargingText(of);
   const [low, high] = of.soc_interval;
-  const time = words.chargingTime(span(of.charging_s), of.pause_s > 0);
   const [at, day] = clockAfter(of.arrives_after_s);
   return (
     <li>
       <h4>
-        {stationName(station)}
+        {stationName(of.station)}
         <span class="figures">
-          {chargerParts(station).map((part) => ` · ${part}`)}
+          {chargerParts(of.station).map((part) => ` · ${part}`)}
           {` · ${shown(of.position_m, units.value.distance, 0)} · ${day} ${at}`}
         </span>
       </h4>
@@ -148,17 +159,8 @@ function StopRow({ of, isTold }: { of: Stop; isTold: boolean }) {
             ` · ${words.neededBelow(upwards(of.needed_below))}`}
         </span>
       </p>
-      <p class="note">
-        {full
-          ? words.ifFull(
-              stationName(full.station),
-              (full.soc_arrival < reserve ? words.only : String)(shown(full.soc_arrival, PERCENT)),
-              full.more_s < MINUTE_S ? "" : words.longer(duration(full.more_s)),
-              chanceInFigures(full.p_reach),
-            )
-          : !leadsElsewhere(chargingPlan.value, chargingPlans.value) && words.noOther}
-      </p>
-      <StationActions of={station} />
+      <p class="note">{occupiedText(of)}</p>
+      <StationActions of={of.station} />
     </li>
   );
 }

@@ -11,6 +11,7 @@ import { faults, forgetStop, MOST_STOPS, reportProblem, stopField } from "../sta
 import { canLocate, lacksPosition, startHere } from "../state/here";
 import {
   fieldsOfJourney,
+  isOfForm,
   isExample,
   journey,
   map,
@@ -24,6 +25,7 @@ import {
   wantsFit,
 } from "../state/journey";
 import { osmKind } from "../state/messages";
+import { trip } from "../state/trip";
 import { text } from "../state/preferences";
 import { Combobox, type Option } from "./combobox";
 import { Covers } from "./covers";
@@ -81,7 +83,11 @@ function kindOf({ kind }: Place): string {
   return kind === "poi" ? text.value.journey.poi : osmKind(kind);
 }
 
-async function plan(): Promise<void> {
+/** Whether the ways to choose a trip are shown beside the answer. */
+export const isFormOpen = signal(false);
+
+/** Plan the journey as soon as its places are known; `folds` closes the form then. */
+async function plan(folds: boolean): Promise<void> {
   try {
     await Promise.all(fieldsOfJourney().map(resolve));
   } catch (error) {
@@ -91,6 +97,7 @@ async function plan(): Promise<void> {
   isExample.value = false;
   wantsFit.value = true;
   journey.value = null;
+  if (folds) isFormOpen.value = false;
   chooseJourney();
 }
 
@@ -198,10 +205,11 @@ function removeVia(at: number): void {
   });
 }
 
-/** Drive back after a pause [s]; null to stay. */
+/** Drive back after a pause [s], or null to stay; a journey that is shown is planned again. */
 function setPause(nextS: number | null): void {
+  const isShown = trip.value?.stops != null && isOfForm.value;
   pauseS.value = nextS;
-  void plan();
+  if (isShown) void plan(false);
 }
 
 /** From and To, with places on the way and the way back; a service without a map has none. */
@@ -209,7 +217,7 @@ export function JourneyForm() {
   const { journey: words } = text.value;
   const isEmpty = fieldsOfJourney().some((field) => !placeOf(field) && !typed.value[field]?.trim());
   return (
-    <form class="journey" onSubmit={submitting(() => void plan())}>
+    <form class="journey" onSubmit={submitting(() => void plan(true))}>
       <PlaceField label={words.from} end="from" />
       {vias.value.map((_, k) => (
         <PlaceField key={k} label={words.via(k + 1)} end={`via${k}`} onRemove={() => removeVia(k)} />

@@ -40,13 +40,12 @@ const CHART_PX = 150;
 
 function Arrival({ of, label }: { of: LiveForecast; label: string }) {
   const { result } = text.value;
-  const { figure } = format.value;
   return (
     <>
       <p class="arrival" aria-live="polite">
         <span class="label">{label}</span>
         <span class="number">
-          {figure(PERCENT.from(Math.max(0, of.soc_arrival)), 0)}
+          {format.value.figure(PERCENT.from(Math.max(0, of.soc_arrival)), 0)}
           <small>{PERCENT.unit}</small>
         </span>
         <span class="range">{result.inTrips(rangeWithUnit(endsOf(of.soc_quantiles), PERCENT))}</span>
@@ -69,10 +68,9 @@ function Todo({ of }: { of: LiveCar }) {
   const slower =
     speed_m_s !== null &&
     words.slower(format.value.shown(speed_m_s, units.value.speed), chanceInFigures(p_at_speed ?? 0));
-  const icon = verdict === "arrives" ? "check" : "warning";
   return (
     <p class="todo" aria-live="polite">
-      <Icon name={icon} />
+      <Icon name={verdict === "arrives" ? "check" : "warning"} />
       <strong>{verdict === "arrives" ? words.asPlanned : slower || words.charge}</strong>
     </p>
   );

@@ -183,7 +183,6 @@ function Seasons({ of }: { of: OwnCar }) {
 /** Energy of all trips by cause. */
 function Causes({ of }: { of: OwnCar }) {
   const { ownCars: words, causes } = text.value;
-  const { figure } = format.value;
   const rows = Object.entries(of.by_cause_wh).sort(([, a], [, b]) => b - a);
   const magnitude = (name: string, wh: number) => (name === "not_forecast" ? Math.abs(wh) : wh);
   const less = (of.by_cause_wh.not_forecast ?? 0) < 0;
@@ -204,7 +203,7 @@ function Causes({ of }: { of: OwnCar }) {
             <td class="picture" aria-hidden="true">
               <span class={wh < 0 ? "less" : ""} style={{ width: `${(100 * Math.abs(wh)) / largest}%` }} />
             </td>
-            <td class="value">{figure(ENERGY.from(magnitude(name, wh)), 1)}</td>
+            <td class="value">{format.value.figure(ENERGY.from(magnitude(name, wh)), 1)}</td>
             <td class="value">{percent(magnitude(name, wh) / total, 0)}</td>
           </tr>
         ))}

@@ -29,12 +29,11 @@ import { ToPhone } from "./to-phone";
 import { Button, Fold, IconButton, put, Row, Submit, submitting, useModal } from "./parts";
 
 function List() {
-  const { ownCars: words } = text.value;
   return (
     <ul class="examples">
       {(ownCars.value ?? []).map((row) => (
         <Row key={row.name} onClick={() => void showCar(row.name)} label={row.label}>
-          {row.title} · {words.inDiary(row.in_diary)}
+          {row.title} · {text.value.ownCars.inDiary(row.in_diary)}
         </Row>
       ))}
       {Object.entries(damagedCars.value).map(([name, faults]) => (

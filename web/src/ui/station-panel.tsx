@@ -9,6 +9,7 @@ import { choice, placesOfJourney, vias } from "../state/journey";
 import { format, text } from "../state/preferences";
 import { Button, IconButton } from "./parts";
 import { Select } from "./select";
+import { chargerParts } from "./wording";
 
 function avoid(station: Place): void {
   vias.value = vias.value.filter((one) => !one || !isSame(one, station));
@@ -56,11 +57,7 @@ export function StationPanel({ of, known }: { of: Station; known: readonly Stati
   const isWanted = isPreferred(of.name, choice.value.networks);
   return (
     <div class="station" role="status">
-      <b>{of.name || journey.unnamedStation}</b>{" "}
-      <span class="figures">
-        {format.value.shown(of.power_w, POWER)} {of.direct_current ? words.direct : words.alternating}
-        {!of.power_known && ` (${words.assumed})`}
-      </span>
+      <b>{of.name || journey.unnamedStation}</b> <span class="figures">{chargerParts(of).join(" · ")}</span>
       <StationActions of={of} />
       {network && placesOfJourney() && (
         <Button

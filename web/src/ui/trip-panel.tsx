@@ -18,12 +18,12 @@ import { Covers } from "./covers";
 import { DistanceForm } from "./distance-form";
 import { FaultList } from "./faults";
 import { FileDrop } from "./file-drop";
-import { JourneyForm } from "./journey-form";
+import { isFormOpen, JourneyForm } from "./journey-form";
 import { LinksForm } from "./links-form";
 import { NumberField } from "./number-field";
 import { tripTitle } from "./wording";
 import { Said } from "./said";
-import { Button, Row } from "./parts";
+import { Button, into, Row } from "./parts";
 
 const MAX_BYTES = 4_000_000;
 const START_M_S = 50 / 3.6;
@@ -85,7 +85,6 @@ function Notes({ of }: { of: Trip }) {
 
 function Upload() {
   const [speedMS, setSpeed] = useState(START_M_S);
-  const { speed } = units.value;
   const { trip: words } = text.value;
   return (
     <FileDrop
@@ -101,7 +100,7 @@ function Upload() {
         <NumberField
           label={words.speedWithoutTimes}
           value={speedMS}
-          quantity={speed}
+          quantity={units.value.speed}
           onChange={(next) => {
             const nextMS = Math.min(Math.max(next ?? START_M_S, SLOWEST_M_S), FASTEST_M_S);
             setSpeed(nextMS);
@@ -131,15 +130,16 @@ function NoMap() {
 export function TripPanel() {
   const now = trip.value;
   const starts = source.value === "journey" && !now?.stops;
-  const [opened, setOpen] = useState(false);
-  const open = opened || starts;
+  const setOpen = into(isFormOpen);
+  const open = isFormOpen.value || starts;
   const before = useRef<Source | undefined>(undefined);
+  const places = now?.stops?.map(({ name }) => name).join(); // who ticks the way back goes on typing
   useEffect(() => {
     // a distance is there before it is typed, and a kind that is chosen again brings up its last trip
     const isFirst = !before.current && now && now.source !== "distance";
     if (isFirst || (now && now.source === before.current)) setOpen(false);
     before.current = now?.source;
-  }, [now?.source, now?.title]);
+  }, [now?.source, places ?? now?.title]);
   const wrong = faults.value.get("trip") ?? [];
   const { trip: words } = text.value;
   return (

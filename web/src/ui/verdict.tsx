@@ -14,7 +14,7 @@ import {
 } from "../model/arrival";
 import { isBetter, seenIn } from "../model/diary";
 import { warningsOf } from "../model/flags";
-import { HERE_M, leadsElsewhere, STATION_KIND } from "../model/stations";
+import { HERE_M, STATION_KIND } from "../model/stations";
 import { ENERGY, PERCENT } from "../model/units";
 import { source } from "../state/catalogue";
 import { car } from "../state/car";
@@ -37,8 +37,6 @@ import { alternative, leaving, leavingIsOld, mode, problem, requested } from "..
 import {
   answersAreOld,
   askJourney,
-  chargingPlans,
-  chosenCharging,
   chosenRoad,
   journey,
   map,
@@ -53,13 +51,15 @@ import { Chance } from "./chance";
 import { Climb } from "./climb";
 import { CompareLine } from "./compare";
 import { Failure, Waiting } from "./failure";
+import { occupiedText } from "./journey-answer";
 import { NeedAnswer, needSentence, needVerdict } from "./need";
-import { Button, put, Stat, useAsked } from "./parts";
+import { Stat, useAsked } from "./parts";
 import { ShareTools } from "./share";
 import { Warnings } from "./warnings";
 import {
   chanceInFigures,
   chargerParts,
+  chargingText,
   clockAfter,
   clockParts,
   range,
@@ -89,7 +89,7 @@ const NEAR_M = 10_000;
 
 /** A smaller charge is 0 % as it is shown. */
 const SHOWN_SOC = 0.005;
-/** A station that is nearer than this is said to be here [m]. */
+/** A station that is nearer than this is said to be here, and a shorter detour is none [m]. */
 const HEREABOUTS_M = 1000;
 /** Less charge to leave with is told from this on. */
 const FEW_SOC = 0.05;
@@ -170,7 +170,10 @@ function Whole({ now, isEmpty }: { now: Answer; isEmpty: boolean }) {
   const at = clock.value;
   const [time, day] = at ? clockParts(at.arrives, at.isNow ? at.leaves : new Date()) : [];
   const pluggedS = now.chargingS - now.overheadS;
-  const km = shown(now.distanceM, units.value.distance, now.distanceM < 100_000 ? 1 : 0);
+  const alone = now.charges > 0 ? journey.value?.roads[chosenRoad.value] : undefined;
+  const detourM = alone ? now.distanceM - alone.distance_m : 0;
+  const far = shown(now.distanceM, units.value.distance, now.distanceM < 100_000 ? 1 : 0);
+  const km = detourM < HEREABOUTS_M ? far : `${far}, ${text.value.journey.detour(farText(detourM))}`;
   const parts = [
     turn.value?.pauseS && words.ofItPause(duration(turn.value.pauseS)),
     pluggedS > 0 && words.ofItCharging(duration(pluggedS), duration(now.overheadS)),
@@ -213,6 +216,12 @@ function Headline({ of, now }: { of: Forecast; now: Answer }) {
   const { reserve } = requested.value.at;
   const onArrival = turn.value ? result.whenBack : result.onArrival;
   const stop = stopInDoubt.value;
+  const least = chargingPlan.value?.stops.reduce((a, b) => (b.soc_arrival < a.soc_arrival ? b : a));
+  const aside = stop
+    ? `${onArrival}: ${shown(now.soc, PERCENT)} (${rangeWithUnit(now.interval, PERCENT)})`
+    : least &&
+      least.soc_arrival < now.soc &&
+      result.least(shown(least.soc_arrival, PERCENT), stationName(least.station));
   const label = stop ? result.atStop(stationName(stop.station)) : onArrival;
   const interval = rangeWithUnit(stop?.soc_interval ?? now.interval, PERCENT);
   const detail = measured ? result.measured : result.inTrips(interval);
@@ -222,6 +231,7 @@ function Headline({ of, now }: { of: Forecast; now: Answer }) {
       chance={decisiveChance(now)}
       reserve={now.pReserve === null ? 0 : reserve}
       atAll={now.pArrive}
+      hasStops={now.charges > 0}
     />
   );
   if (isStuck.value && emptyM !== null) return <div class="headline">{chance}</div>;
@@ -234,11 +244,7 @@ function Headline({ of, now }: { of: Forecast; now: Answer }) {
           <small>{PERCENT.unit}</small>
         </span>
         <span class="range">{emptyM === null ? detail : <Empty of={of} afterM={emptyM} />}</span>
-        {stop && (
-          <span class="missing">
-            {onArrival}: {shown(now.soc, PERCENT)} ({rangeWithUnit(now.interval, PERCENT)})
-          </span>
-        )}
+        {aside && <span class="missing">{aside}</span>}
       </p>
       <Whole now={now} isEmpty={emptyM !== null} />
       {!measured && reasonText() && <p class="reason">{reasonText()}</p>}
@@ -278,6 +284,7 @@ function farText(farM: number): string {
 /** The name of a station, for an app that leads there. */
 function StationLink({ of }: { of: Station }) {
   const at = `geo:${of.latitude_deg},${of.longitude_deg}`;
+  if (!matchMedia("(hover:none)").matches) return stationName(of); // a computer opens no such link
   return (
     <a href={at} title={text.value.journey.navigate}>
       {stationName(of)}
@@ -287,14 +294,14 @@ function StationLink({ of }: { of: Station }) {
 
 /** Drive so far, charge so long. */
 function StopText({ of, fromM }: { of: Stop; fromM: number }) {
-  const { shown, span } = format.value;
+  const { shown } = format.value;
   const { journey: words } = text.value;
-  const time = words.chargingTime(span(of.charging_s), of.pause_s > 0);
+  const time = chargingText(of);
   const [arrival = "", leave = ""] = [of.soc_arrival, of.soc_leave].map((soc) => shown(soc, PERCENT));
   const isHere = of.position_m - fromM < HERE_M;
   return (
     <>
-      {isHere ? words.chargeHere : words.driveTo(farText(of.position_m - fromM))}
+      {isHere ? words.chargeHere(fromM > 0) : words.driveTo(farText(of.position_m - fromM))}
       <StationLink of={of.station} />
       {(isHere ? words.forHere : words.forThere)(time, arrival, leave, ...clockAfter(of.arrives_after_s))}
     </>
@@ -302,56 +309,31 @@ function StopText({ of, fromM }: { of: Stop; fromM: number }) {
 }
 
 /** What has to be known of the first stop besides. */
-function FirstStop({ of, plan }: { of: Stop; plan: ChargingPlan }) {
+function FirstStop({ of }: { of: Stop }) {
   const { journey: words } = text.value;
+  const occupied = !of.if_full && occupiedText(of); // another station stands in the list of stops
+  if (reasonOfJourney() !== BELOW) return occupied && ` ${occupied}`;
   const charger = chargerParts(of.station).join(", ");
-  const isRescue = reasonOfJourney() === BELOW;
-  return (
-    <>
-      {isRescue &&
-        of.position_m >= HERE_M &&
-        ` ${words.reachedAtAll(chanceInFigures(of.p_reach), rangeWithUnit(of.soc_interval, PERCENT))}`}
-      {isRescue && charger && ` ${charger}.`}
-      {isRescue && of.p_reach < OPEN[1] && !advice.value?.singly.length && ` ${words.driveGently}`}
-      {!of.if_full && !leadsElsewhere(plan, chargingPlans.value) && ` ${words.noOther}`}
-    </>
-  );
+  const isRisky = of.p_reach < OPEN[1];
+  const reached = words.reachedAtAll(chanceInFigures(of.p_reach), rangeWithUnit(of.soc_interval, PERCENT));
+  const texts = [
+    of.position_m >= HERE_M && reached,
+    charger && `${charger}.`,
+    isRisky && !advice.value?.singly.length && words.driveGently,
+    isRisky && words.orCall,
+    occupied,
+  ];
+  return ` ${texts.filter(Boolean).join(" ")}`;
 }
 
-/** Where the journey halts, each as an item of the list, and the plan that has fewer stops. */
+/** Where the journey halts, each as an item of the list. */
 function Halts({ plan }: { plan: ChargingPlan | null }) {
-  const { journey: words } = text.value;
-  const { duration } = format.value;
-  const plans = chargingPlans.value;
-  const fewer = plans.find(
-    ({ stops, duration_s }) => plan && stops.length < plan.stops.length && duration_s > plan.duration_s,
-  );
-  return (
-    <>
-      {halts.value.map((one, k) => (
-        <li key={k}>
-          {"station" in one ? (
-            <StopText of={one} fromM={halts.value[k - 1]?.position_m ?? 0} />
-          ) : (
-            turnText(one)
-          )}
-          {plan && one === plan.stops[0] && <FirstStop of={one} plan={plan} />}
-        </li>
-      ))}
-      {plan && fewer && (
-        <li>
-          <Button
-            class="link"
-            onClick={put(chosenCharging, plans.indexOf(fewer))}
-            label={words.fewer(
-              words.stops(fewer.stops.length),
-              words.longer(duration(fewer.duration_s - plan.duration_s)),
-            )}
-          />
-        </li>
-      )}
-    </>
-  );
+  return halts.value.map((one, k) => (
+    <li key={k}>
+      {"station" in one ? <StopText of={one} fromM={halts.value[k - 1]?.position_m ?? 0} /> : turnText(one)}
+      {plan && one === plan.stops[0] && <FirstStop of={one} />}
+    </li>
+  ));
 }
 
 /** The road of a journey by the quick answer, if there is one. */
@@ -402,6 +384,16 @@ function NoStop({ of, from, isShort }: { of: Trip; from: Place; isShort: boolean
   );
 }
 
+/** The charge to leave with so that the car charges in the pause alone, where it now stops before. */
+function OnlyInPause({ of, plan }: { of: Trip; plan: ChargingPlan }) {
+  const before = plan.stops.findIndex(({ pause_s }) => pause_s > 0);
+  const body = journeyRequest({ ...of, pauseS: null }, conditions.value, car.value);
+  const ask = async () => (before > 0 ? askJourney(body, false) : null);
+  const out = useAsked(ask, [before, JSON.stringify(body)]);
+  const needed = (out?.soc_needed ?? 2) + 0.01; // the way back has its risk, too
+  return before > 0 && needed <= 1 ? <li>{text.value.journey.onlyInPause(upwards(needed))}</li> : null;
+}
+
 /** What to do. */
 function ToDo({ of }: { of: Forecast }) {
   const isJourney = !!trip.value?.stops;
@@ -417,13 +409,16 @@ function ToDo({ of }: { of: Forecast }) {
   const { reserve, soc, departsAt } = conditions.value;
   const isLow = departsAt === null && soc < Math.max(reserve, LOW_SOC);
   const stopsHelp = withStops <= 1 && withStops < (needed ?? 2) && !(plan && isLow);
-  const leaves = needed !== undefined && (!plan || (needed <= 1 && !isLow)) && !(isStuck.value && needed > 1);
+  const leaves =
+    needed !== undefined &&
+    (!plan || (needed <= 1 && needed > soc && !isLow)) &&
+    !(isStuck.value && needed > 1);
   const helps = advice.value?.singly.filter(({ whole }) => isStuck.value && whole && whole.charges > 0) ?? [];
   const [best] = helps.sort((one, other) => other.p_arrive - one.p_arrive);
   const texts = [
     stopsHelp && words.leaveWithStops(upwards(withStops)),
-    leaves && (plan || stopsHelp ? words.leaveWithout(upwards(needed)) : leaveText(needed, of, isLow)),
     isStuck.value && isLow && (!leaves || stopsHelp) && words.callHelp,
+    leaves && (plan || stopsHelp ? words.leaveWithout(upwards(needed)) : leaveText(needed, of, isLow)),
     isStuck.value && trip.value?.stops?.[0] && (
       <NoStop of={trip.value} from={trip.value.stops[0]} isShort={(needed ?? 0) > 1} />
     ),
@@ -436,6 +431,7 @@ function ToDo({ of }: { of: Forecast }) {
   return (
     <ul class={`journey-answer todo${isOld ? " old" : ""}`} aria-busy={isOld}>
       {(plan || emptyAfterM(of) === null) && <Halts plan={plan} />}
+      {plan && trip.value && <OnlyInPause of={trip.value} plan={plan} />}
       {texts.map((one, k) => one && <li key={k}>{one}</li>)}
     </ul>
   );

@@ -1,9 +1,9 @@
 /** Phrases used in several parts of the page. */
 
-import type { Station } from "../api/documents";
+import type { Station, Stop } from "../api/documents";
 import { hundredthsOf } from "../model/arrival";
 import { daysBetween } from "../model/clock";
-import { PERCENT, POWER, type Quantity } from "../model/units";
+import { HOURS, PERCENT, POWER, type Quantity } from "../model/units";
 import { format, text, units } from "../state/preferences";
 import { clock, type Turn } from "../state/answer";
 import type { Trip } from "../state/trip";
@@ -53,6 +53,12 @@ export function chargerParts({ plug, power_w, power_known }: Station): string[] 
   const names: Record<string, string> = text.value.journey.plugs;
   const assumed = power_known ? "" : ` (${text.value.map.assumed})`;
   return [names[plug] ?? "", power_w > 0 ? format.value.shown(power_w, POWER) + assumed : ""].filter(Boolean);
+}
+
+/** How long a car charges at a stop, and with which mean power. */
+export function chargingText({ charging_s, energy_wh, pause_s }: Stop): string {
+  const power = format.value.shown(energy_wh / HOURS.from(charging_s), POWER);
+  return text.value.journey.chargingTime(format.value.span(charging_s), pause_s > 0, power);
 }
 
 /** A clock time, and its day where that is not the day of `from`. */
