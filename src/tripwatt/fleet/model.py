@@ -254,8 +254,7 @@ def fit_fleet(
     if len(rows) < _MIN_TRIPS:
         allowed = f"at least {_MIN_TRIPS} with measured energy"
         raise InvalidInput.of("too few trips", "fleet", f"{len(rows)}", allowed)
-    sample = SampledTrips.read(results)
-    return _fit_rows(rows, sample, sampling.seed)
+    return _fit_rows(rows, SampledTrips.read(results), sampling.seed)
 
 
 def _fit_rows(rows: TripRows, sample: SampledTrips, seed: int = 0) -> FleetModel:
@@ -344,8 +343,7 @@ def update_fleet(
         Rows of the new trips.
     """
     listed = usable_trips(store)
-    new = listed[~listed["digest"].isin(model.digests)]
-    rows, _ = store_rows(store, new, work, workers)
+    rows, _ = store_rows(store, listed[~listed["digest"].isin(model.digests)], work, workers)
     if not len(rows):
         return model, rows
     digests = model.digests | frozenset(rows.texts("digest").tolist())

@@ -384,7 +384,7 @@ def test_places_that_are_no_store(tmp_path):
     deltalake.write_deltalake(tmp_path / "u" / "trips", pa.table({"a": [1]}))
     refuses("another kind", open_store, tmp_path / "u")
     deltalake.write_deltalake(
-        tmp_path / "v" / "trips", pa.table({"a": [1]}), description='{"tripwatt_store": 2, "buckets": 1}'
+        tmp_path / "v" / "trips", pa.table({"a": [1]}), description='{"tripwatt_store": 3, "buckets": 1}'
     )
     refuses("newer format", open_store, tmp_path / "v")
     assert join_place("s3://b/x/", "trips") == "s3://b/x/trips"
@@ -441,7 +441,10 @@ def test_other_programs_read_the_tables(store):
     polars = pytest.importorskip("polars", reason="needs polars")
     import deltalake
 
-    store.add([drive(trip="A"), drive(trip="B", vehicle="V2", start=1.0)], car_model=CAR)
+    later = drive(trip="B", vehicle="V2", start=1.0)
+    zoned = later.context.started_at.replace(tzinfo=dt.timezone(dt.timedelta(hours=2)))
+    later = replace(later, context=replace(later.context, started_at=zoned))
+    store.add([drive(trip="A"), later], car_model=CAR)
     samples = deltalake.DeltaTable(store.samples.place).to_pyarrow_dataset()
     trips = deltalake.DeltaTable(store.rows.place).to_pyarrow_dataset()
     with duckdb.connect() as db:
@@ -451,7 +454,9 @@ def test_other_programs_read_the_tables(store):
             "SELECT trip_id, count(*), max(voltage_v) FROM samples JOIN trips USING (batch, digest) "
             "GROUP BY trip_id ORDER BY trip_id"
         ).fetchall()
+        instants = db.sql("SELECT epoch(started_at_utc) FROM trips ORDER BY trip_id").fetchall()
     assert rows == [("A", 400, 360.0), ("B", 400, 360.0)]
+    assert instants == [(None,), (zoned.timestamp(),)]
     frame = polars.scan_delta(store.rows.place).select("trip_id", "energy_wh").sort("trip_id").collect()
     expected = store.trips().sort_values("trip_id")["energy_wh"].tolist()
     assert frame["energy_wh"].to_list() == pytest.approx(expected, rel=1e-15)

@@ -37,6 +37,7 @@ TRIPS: Final = pa.schema(
     [
         *_KEYS,
         *((name, pa.string()) for name in ("trip_id", "car_model", "driver", "started_at")),
+        ("started_at_utc", pa.timestamp("us", tz="UTC")),
         *((name, pa.float64()) for name in ("distance_m", "duration_s", "energy_wh", "energy_std_wh")),
         ("energy_from", pa.string()),
         ("drives", pa.int32()),
@@ -46,7 +47,8 @@ TRIPS: Final = pa.schema(
         ("samples", pa.int32()),
     ]
 )
-"""One row per log. `findings`, `context` and `columns` are JSON; `started_at` is ISO 8601, so that text sorts as time.
+"""One row per log. `findings`, `context` and `columns` are JSON; `started_at` is ISO 8601 as it was logged, by which rows are sorted, and
+`started_at_utc` the same instant, null without an offset.
 `as_logged` is true if the audit found one drive and changed nothing in it."""
 
 
@@ -141,6 +143,7 @@ def stored_log(log: Recorded, vehicle_id: str, car_model: str, buckets: int) -> 
         "car_model": car_model,
         "driver": log.context.driver,
         "started_at": None if started is None else started.isoformat(),
+        "started_at_utc": started if started is not None and started.tzinfo is not None else None,
         "distance_m": sum(logs.driven_m(drive.samples) for drive in drives),
         "duration_s": sum(drive.duration_s for drive in drives),
         "energy_wh": energy,

@@ -37,7 +37,7 @@ from tripwatt.fleet.store.rows import (
 )
 from tripwatt.trips import Log, Recorded, TripSet, raise_faults
 
-FORMAT: Final = 1
+FORMAT: Final = 2
 _BUCKETS: Final = 16
 """Default number of hash buckets of vehicles: a choice, because it suits some thousand vehicles."""
 
