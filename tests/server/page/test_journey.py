@@ -560,11 +560,16 @@ def test_the_figures_of_a_way_back_are_those_of_its_end(page: Any, expected: lis
     page.get_by_label("Pause at the destination").fill("8")
     page.keyboard.press("Enter")
     page.locator(".todo:not(.old) li", has_text="Pause of").wait_for()
-    page.locator(".todo li", has_text="To charge in the pause only: leave with ").wait_for()
-    told = [words.replace("\u00a0", " ") for words in page.locator(".todo li").all_inner_texts()]
+    page.locator(
+        ".todo li", has_text="first: then you drive straight there and charge in the pause only."
+    ).wait_for()
+    first, *told = [words.replace("\u00a0", " ") for words in page.locator(".todo li").all_inner_texts()]
+    assert re.match(
+        "If you can, charge to [0-9]+ % first: .* you would arrive there with [0-9]+ %, the reserve in", first
+    )
     assert [words.split(" ")[0] for words in told[:4]] == ["Drive", "At", "Charge", "Drive"]
     assert "with 55 %. Pause of 8 h; start back" in told[1]  # before the car charges in the pause
-    assert "in the pause, from 13 % to 45 %" in told[2]
+    assert "in the pause (14 % is enough), from 13 % to 45 %" in told[2]
     assert page.locator(".stops > li").count() == 4
     assert page.locator(".stops > li").nth(1).inner_text().startswith("At Ostheim")
     page.unroute("**/v1/journeys")
@@ -603,7 +608,10 @@ def test_who_reaches_no_station_is_told_not_to_set_out_and_then_what_to_do(
     assert page.locator(".verdict :is(.number, .whole)").count() == 0
     page.locator(".todo:not(.old) li", has_text="You get there in").wait_for()
     todo = [words.replace("\u00a0", " ") for words in page.locator(".todo li").all_inner_texts()]
-    assert todo[0] == "If you can charge here: to 30 % or more before you set out. Otherwise call roadside assistance."
+    assert (
+        todo[0]
+        == "If you can charge here: to 30 % or more before you set out. Otherwise call roadside assistance."
+    )
     told = (
         "With this charge, no charging stop was .* charging station is Nah, 7.[0-9] km by road. "
         "You get there in (fewer than )?[0-9]+ of 100 trips, with [0-9]+( to [0-9]+)? %."
@@ -616,7 +624,7 @@ def test_who_reaches_no_station_is_told_not_to_set_out_and_then_what_to_do(
     assert todo[:3] == [
         "If you can, charge to 23 % or more first; then go with stops.",
         "If you cannot charge here, call roadside assistance.",
-        "To drive without charging: leave with 30 % or more.",
+        "To drive without a stop: leave with 30 % or more.",
     ]
     page.unroute_all(behavior="wait")  # answers that are under way find their page
 

@@ -124,9 +124,7 @@ export function ArrivalChart({ forecast, shared, isOther = false, reserve, heigh
 }
 
 function marks({ reserveInside, from, to }: DotPlot, reserve: number): Mark[] {
-  const { result } = text.value;
-  const level = format.value.shown(reserve, PERCENT);
-  const label = result.reserve(level);
+  const label = text.value.result.reserve(format.value.shown(reserve, PERCENT));
   if (reserveInside) return [{ kind: "reserve", text: label, x: PERCENT.from(reserve) }];
   const below = PERCENT.from(reserve) < from;
   const aside = below ? `← ${label}` : `${label} →`;

@@ -122,13 +122,14 @@ function options({ palette }: Look): ChartOptions {
 
 /** The label at the end of a forecast: on arrival, or where the battery is empty. */
 function endMark(kind: string, of: Forecast): Mark & { y: number } {
-  const distance = units.value.distance;
+  const { distance } = units.value;
+  const { shown } = format.value;
   const emptyM = emptyAfterM(of);
   if (emptyM !== null)
-    return { kind, text: format.value.shown(emptyM, distance, 0), x: distance.from(emptyM), y: 0 };
+    return { kind, text: shown(emptyM, distance, 0), x: distance.from(emptyM), y: 0, at: "right" };
   const end = distance.from(of.series.distance_m.at(-1) as number);
   const soc = PERCENT.from(of.soc_arrival);
-  return { kind, text: format.value.shown(of.soc_arrival, PERCENT), x: end, y: soc, at: "right" };
+  return { kind, text: shown(of.soc_arrival, PERCENT), x: end, y: soc, at: "right" };
 }
 
 /** Charging stops by their numbers, and the charge on arrival. */

@@ -27,10 +27,9 @@ export function isSame(one: Position, other: Position): boolean {
 
 type Stopping = Record<"stops", readonly { station: Position }[]>;
 
-/** Whether one of the plans charges at a station where `plan` does not. */
-export function leadsElsewhere(plan: Stopping | null, plans: readonly Stopping[]): boolean {
-  const isOfPlan = (one: Position) => plan?.stops.some(({ station }) => isSame(station, one));
-  return plans.some(({ stops }) => !stops.every(({ station }) => isOfPlan(station)));
+/** The first plan that does not charge at a place. */
+export function planWithout<T extends Stopping>(place: Position, plans: readonly T[]): T | undefined {
+  return plans.find(({ stops }) => !stops.some(({ station }) => isSame(station, place)));
 }
 
 /** A station as a place on the way; `unnamed` is the name of one that has none. */

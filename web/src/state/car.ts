@@ -38,8 +38,7 @@ export const isMeasured = computed(() => !!car.value?.own || model.value?.model.
 
 export function chooseVehicle(name: string): void {
   const [own] = vehicles.value.find((row) => row.name === name)?.models ?? [];
-  const any = car.value?.model ?? models.value[0]?.name;
-  const next = own ?? any;
+  const next = own ?? car.value?.model ?? models.value[0]?.name;
   if (next) car.value = { vehicle: name, model: next };
 }
 

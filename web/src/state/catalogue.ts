@@ -44,8 +44,7 @@ export const loading = signal<Loading | null>({ what: "examples" });
 
 function show(next: Trip, at: Conditions = next.start): void {
   batch(() => {
-    const { reserve } = conditions.value;
-    conditions.value = { ...at, reserve };
+    conditions.value = { ...at, reserve: conditions.value.reserve };
     trip.value = next;
   });
 }

@@ -128,8 +128,9 @@ const de: Text = {
     justEnough: (soc, spares) =>
       `${soc} reichen${spares ? ", viel Spielraum bleibt nicht" : ". Mit weniger müssen Sie unterwegs laden"}.`,
     leaveWithStops: (soc) => `Wenn Sie vorher laden: auf ${soc} oder mehr, dann weiter mit Ladestopps.`,
-    leaveWithout: (soc) => `Um ohne Laden zu fahren: mit mindestens ${soc} losfahren.`,
-    onlyInPause: (soc) => `Um nur in der Pause zu laden: mit mindestens ${soc} losfahren.`,
+    leaveWithout: (soc) => `Um ohne Ladestopp zu fahren: mit mindestens ${soc} losfahren.`,
+    onlyInPause: (soc, now, chance) =>
+      `Wenn Sie können, laden Sie vorher auf ${soc}: Dann fahren Sie direkt hin und laden nur in der Pause. Jetzt kämen Sie dort mit ${now} an, die Reserve bliebe bei ${chance}.`,
     notEnough: "Auch eine volle Batterie reicht nicht: Laden Sie unterwegs.",
     anyCharge: (reserve) => `Jeder Ladestand reicht: bei 19 von 20 Fahrten bleiben mindestens ${reserve}.`,
     chargeFirst: (soc, isLow) =>
@@ -154,7 +155,8 @@ const de: Text = {
     navigate: "In einer Navigations-App öffnen",
     forThere: (time, arrival, leave, clock, day) =>
       `“ fahren und dort ${time} laden, von ${arrival} auf ${leave}; Ankunft dort${day && ` ${day}`} gegen ${clock}.`,
-    chargingTime: (time, isPause, power) => (isPause ? "in der Pause" : `${time} mit etwa ${power}`),
+    chargingTime: (time, isPause, power, least) =>
+      isPause ? `in der Pause (${least} genügen)` : `${time} mit etwa ${power}`,
     chargeHere: (isOnTheWay) => `${isOnTheWay ? "Dort" : "Hier"} laden: an „`,
     forHere: (time, arrival, leave) => `“, ${time}, von ${arrival} auf ${leave}.`,
     turn: (place, soc, at, day) => `In ${place}${day && ` ${day}`} gegen ${at} mit ${soc}.`,
@@ -182,7 +184,7 @@ const de: Text = {
     neededBelow: (soc) => `nur nötig, wenn Sie dort weniger als ${soc} haben`,
     ifFull: (station, arrival, more, chance) =>
       `Falls besetzt: ${station}, erreicht mit ${arrival} (${chance})${more && `, ${more}`}.`,
-    otherPlan: "Ist sie besetzt, wählen Sie unten einen anderen Plan.",
+    otherPlan: (plan) => `Ist sie besetzt, wählen Sie unten den Plan „${plan}“.`,
     noOther: "Ist sie besetzt, warten Sie: Keine andere Ladestation hilft.",
     longer: (time) => `${time} länger`,
     more: (figure) => `${figure} mehr`,

@@ -122,8 +122,9 @@ export const en = {
     justEnough: (soc: string, spares: boolean) =>
       `${soc} is enough${spares ? ", with little to spare" : ". With less you have to charge on the way"}.`,
     leaveWithStops: (soc: string) => `If you can, charge to ${soc} or more first; then go with stops.`,
-    leaveWithout: (soc: string) => `To drive without charging: leave with ${soc} or more.`,
-    onlyInPause: (soc: string) => `To charge in the pause only: leave with ${soc} or more.`,
+    leaveWithout: (soc: string) => `To drive without a stop: leave with ${soc} or more.`,
+    onlyInPause: (soc: string, now: string, chance: string) =>
+      `If you can, charge to ${soc} first: then you drive straight there and charge in the pause only. Now you would arrive there with ${now}, the reserve in ${chance}.`,
     notEnough: "Even a full battery is not enough: charge on the way.",
     anyCharge: (reserve: string) => `Any charge is enough to arrive with ${reserve} in 19 of 20 trips.`,
     chargeFirst: (soc: string, isLow: boolean) =>
@@ -149,8 +150,8 @@ export const en = {
     navigate: "Open in a navigation app",
     forThere: (time: string, arrival: string, leave: string, clock: string, day: string) =>
       `” and charge ${time}, from ${arrival} to ${leave}; you are there${day && ` ${day}`} at about ${clock}.`,
-    chargingTime: (time: string, isPause: boolean, power: string) =>
-      isPause ? "in the pause" : `for ${time} with about ${power}`,
+    chargingTime: (time: string, isPause: boolean, power: string, least: string) =>
+      isPause ? `in the pause (${least} is enough)` : `for ${time} with about ${power}`,
     chargeHere: (isOnTheWay: boolean) => `Charge ${isOnTheWay ? "there" : "here"}, at “`,
     forHere: (time: string, arrival: string, leave: string) => `”, ${time}, from ${arrival} to ${leave}.`,
     turn: (place: string, soc: string, at: string, day: string) =>
@@ -180,7 +181,7 @@ export const en = {
     neededBelow: (soc: string) => `only needed if you have less than ${soc} there`,
     ifFull: (station: string, arrival: string, more: string, chance: string) =>
       `If it is full: ${station}, reached with ${arrival} (${chance})${more && `, ${more}`}.`,
-    otherPlan: "If it is occupied, choose another plan below.",
+    otherPlan: (plan: string) => `If it is occupied, choose the plan “${plan}” below.`,
     noOther: "If it is occupied, wait: no other station helps.",
     longer: (time: string) => `${time} longer`,
     more: (figure: string) => `${figure} more`,
@@ -375,7 +376,7 @@ export const en = {
     looking: "Looking for charging stops …",
     arrivesAt: "Arrival",
     backAt: "Back at",
-    leavingNow: "leaving now",
+    leavingNow: "if you leave now",
     chargingNow: "charging now",
     duration: "Total time",
     drivingAlone: "Driving alone",

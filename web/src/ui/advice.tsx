@@ -150,7 +150,8 @@ export function AdviceCard() {
         </>
       )}
       <p class="note">
-        {words.note} {chosenRoad.value + chosenCharging.value > 0 && words.compared}
+        {found.singly.length > 0 && words.note}{" "}
+        {chosenRoad.value + chosenCharging.value > 0 && words.compared}
       </p>
       <ul class="savings">
         {found.singly.map((one) => (

@@ -93,14 +93,13 @@ interface Props {
 
 /** The card of the energy by cause. */
 export function Causes({ of, road, other }: Props) {
-  const { shown } = format.value;
   const { causes } = text.value;
   return (
     <section class="card causes" aria-labelledby="causes-title">
       <h2 id="causes-title">{causes.title}</h2>
       <Waterfall of={of} caption={causes.caption} total={causes.total} other={other} />
       <p class="note">
-        {causes.note(ENERGY.unit, shown(of.battery_loss_wh, ENERGY))} <Climb of={road} />{" "}
+        {causes.note(ENERGY.unit, format.value.shown(of.battery_loss_wh, ENERGY))} <Climb of={road} />{" "}
         {isMeasured.value ? causes.learnedOwn : causes.learnedOf(model.value?.model.car_title ?? "")}
       </p>
     </section>

@@ -55,12 +55,11 @@ function open(): void {
 }
 
 export function Chips() {
-  const { conditions: words } = text.value;
   if (!shownForecast.value && source.value !== "distance" && source.value !== "journey") return null;
   return (
     <button type="button" class="chips" aria-expanded={panelIsOpen.value} onClick={open}>
       <Icon name="sliders" />
-      <span class="unseen">{words.open}: </span>
+      <span class="unseen">{text.value.conditions.open}: </span>
       {parts().map((part) => (
         <span key={part} class="chip">
           {part}

@@ -53,8 +53,7 @@ export function Failure() {
 /** While nothing is shown: what to do for a first answer, or that it is on its way. */
 export function Waiting() {
   const { result } = text.value;
-  const nothing = loading.value === null && !trip.value;
-  return nothing ? (
+  return loading.value === null && !trip.value ? (
     <div class="empty">
       <Icon name="road" />
       <p>

@@ -1,7 +1,7 @@
 import type { ChargingPlan, Journey, Road, Stop, Whole } from "../api/documents";
 import { verdictOf } from "../model/arrival";
 import { BELOW } from "../model/answer";
-import { HERE_M, leadsElsewhere } from "../model/stations";
+import { HERE_M, planWithout } from "../model/stations";
 import { ENERGY, PERCENT } from "../model/units";
 import { chargingPlan, halts, isOfOtherPlaces } from "../state/answer";
 import { chooseRoad } from "../state/forecast";
@@ -119,10 +119,11 @@ function Plans({ plans }: { plans: ChargingPlan[] }) {
 }
 
 /** What to do if a station is occupied. */
-export function occupiedText({ if_full: full }: Stop): string {
+export function occupiedText({ station, if_full: full }: Stop): string {
   const { journey: words } = text.value;
   const { duration, shown } = format.value;
-  if (!full) return leadsElsewhere(chargingPlan.value, chargingPlans.value) ? words.otherPlan : words.noOther;
+  const other = planWithout(station, chargingPlans.value);
+  if (!full) return other ? words.otherPlan(words.plans[other.label]) : words.noOther;
   return words.ifFull(
     stationName(full.station),
     shown(full.soc_arrival, PERCENT),

@@ -161,7 +161,6 @@ function arrivalOf({ seconds_since_message: ago }: LiveCar, of: LiveForecast): D
 function Car({ of }: { of: LiveCar }) {
   const { live: words, result } = text.value;
   const { shown } = format.value;
-  const { distance } = units.value;
   const { forecast, trip, soc, destination } = of;
   const carM = forecast && trip ? Math.min(trip.distance_m, forecast.distance_m) : null;
   const { distance_m = [], expected = [] } = forecast?.course ?? {};
@@ -189,7 +188,7 @@ function Car({ of }: { of: LiveCar }) {
               <Stat label={text.value.verdict.arrivesAt}>
                 {clockText(arrivalOf(of, forecast), new Date())}
               </Stat>
-              <Stat label={words.left}>{shown(forecast.distance_m - carM, distance)}</Stat>
+              <Stat label={words.left}>{shown(forecast.distance_m - carM, units.value.distance)}</Stat>
             </>
           )}
           {trip && <Measured trip={trip} />}

@@ -22,13 +22,12 @@ function Stats({ of }: { of: Forecast }) {
   const distance = of.series.distance_m.at(-1) as number;
   const { result } = text.value;
   const { duration, shown } = format.value;
-  const { consumption } = units.value;
   return (
     <dl class="stats">
       <Stat label={result.energy}>
         {shown(of.energy_wh, ENERGY)} <small>{range(endsOf(of.quantiles_wh), ENERGY)}</small>
       </Stat>
-      <Stat label={result.consumption}>{shown(of.energy_wh / distance, consumption)}</Stat>
+      <Stat label={result.consumption}>{shown(of.energy_wh / distance, units.value.consumption)}</Stat>
       <Stat label={result.distance}>{shown(distance, units.value.distance)}</Stat>
       <Stat label={result.time}>{duration(of.series.time_s.at(-1) as number)}</Stat>
     </dl>

@@ -390,8 +390,12 @@ function OnlyInPause({ of, plan }: { of: Trip; plan: ChargingPlan }) {
   const body = journeyRequest({ ...of, pauseS: null }, conditions.value, car.value);
   const ask = async () => (before > 0 ? askJourney(body, false) : null);
   const out = useAsked(ask, [before, JSON.stringify(body)]);
+  const forecast = out?.roads[0]?.forecast;
   const needed = (out?.soc_needed ?? 2) + 0.01; // the way back has its risk, too
-  return before > 0 && needed <= 1 ? <li>{text.value.journey.onlyInPause(upwards(needed))}</li> : null;
+  if (!forecast || before <= 0 || needed > 1) return null;
+  const chance = chanceInFigures(chanceOf(forecast, conditions.value.reserve) ?? 0);
+  const now = format.value.shown(forecast.soc_arrival, PERCENT);
+  return <li>{text.value.journey.onlyInPause(upwards(needed), now, chance)}</li>;
 }
 
 /** What to do. */
@@ -430,8 +434,8 @@ function ToDo({ of }: { of: Forecast }) {
   ];
   return (
     <ul class={`journey-answer todo${isOld ? " old" : ""}`} aria-busy={isOld}>
-      {(plan || emptyAfterM(of) === null) && <Halts plan={plan} />}
       {plan && trip.value && <OnlyInPause of={trip.value} plan={plan} />}
+      {(plan || emptyAfterM(of) === null) && <Halts plan={plan} />}
       {texts.map((one, k) => one && <li key={k}>{one}</li>)}
     </ul>
   );

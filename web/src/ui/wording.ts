@@ -56,9 +56,10 @@ export function chargerParts({ plug, power_w, power_known }: Station): string[] 
 }
 
 /** How long a car charges at a stop, and with which mean power. */
-export function chargingText({ charging_s, energy_wh, pause_s }: Stop): string {
+export function chargingText({ charging_s, energy_wh, pause_s, needed_below: least }: Stop): string {
   const power = format.value.shown(energy_wh / HOURS.from(charging_s), POWER);
-  return text.value.journey.chargingTime(format.value.span(charging_s), pause_s > 0, power);
+  const { chargingTime } = text.value.journey;
+  return chargingTime(format.value.span(charging_s), pause_s > 0, power, upwards(least));
 }
 
 /** A clock time, and its day where that is not the day of `from`. */
