@@ -17,8 +17,8 @@ from tripwatt.vehicles import load_vehicle
 
 def test_published_charge() -> None:
     """A window of 80 % of 20 kWh; 1 % of the display, 2 % by way of the battery management; 3 % of the capacity."""
-    battery = SimpleNamespace(displayed_zero_soc=0.1, displayed_full_soc=0.9)
-    published = ChargeScale.from_published(battery, 20_000.0)
+    battery = SimpleNamespace(displayed_zero_soc=0.1, displayed_full_soc=0.9, capacity_ah=50.0)
+    published = ChargeScale.from_published(battery, np.array([410.0, 390.0]))
     assert published.wh_per_display == pytest.approx(16_000.0)
     assert (published.zero_soc, published.full_soc, published.trips, published.hidden) == (0.1, 0.9, 0, 0.0)
     assert published.displayed(0.3) == pytest.approx(0.25)

@@ -153,13 +153,3 @@ class ExpectedTrip:
         even_wh, hill_wh = np.split(extra_wh, [len(EVEN)])
         hill_wh = np.insert(hill_wh - even_wh[len(EVEN) // 2], 0, 0.0, axis=0)
         return ClimbingEnergy(grade, even_wh, np.array((0.0, *HILLS)), hill_wh, self.distance_m, net)
-
-    @cached_property
-    def wh_per_soc(self) -> float:
-        """Energy at the terminals from state of charge 1 to 0 of the battery management [Wh]."""
-        return self.vehicle.battery.capacity_ah * float(np.mean(self.simulation.terminal_voltage_v))
-
-    @property
-    def departure_soc(self) -> float:
-        """State of charge of the battery management at departure."""
-        return float(self.simulation.soc[0])

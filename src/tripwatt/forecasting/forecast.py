@@ -363,8 +363,6 @@ class Forecast:
         0.75
         """
         energy_wh = require_number("energy_wh", energy_wh)
-        if self.sd_wh <= 0.0:
-            return float(self.energy_wh <= energy_wh)
         along = self.along
         below = distance_below(self.energy_wh, energy_wh, float(along.min_wh[-1]))
         return float(along.excess.at(-1).probability_below(np.array([-below]), along.energy_sd_wh[-1:])[0])
@@ -372,8 +370,8 @@ class Forecast:
     @cached_property
     def charge(self) -> ChargeScale:
         """Conversion between energy and displayed charge: as fitted to the car's trips, else from its published values."""
-        published = ChargeScale.from_published(self.vehicle.battery, self.drive.wh_per_soc)
-        return self.uncertainty.charge or published
+        voltage_v = self.drive.simulation.terminal_voltage_v
+        return self.uncertainty.charge or ChargeScale.from_published(self.vehicle.battery, voltage_v)
 
     @property
     def soc_arrival(self) -> float:
@@ -721,7 +719,7 @@ def _charge_start(forecast: Forecast, energy_wh: FloatArray) -> tuple[ChargeRead
         return ChargeReading(0.0, departure.soc, displayed=True), False
     if departure.bms_soc is not None:
         return ChargeReading(0.0, float(scale.displayed(departure.bms_soc)), displayed=False), False
-    start = float(forecast.vehicle.battery.displayed_from_soc(forecast.drive.departure_soc))
+    start = float(forecast.vehicle.battery.displayed_from_soc(float(forecast.drive.simulation.soc[0])))
     return ChargeReading(0.0, start, displayed=True), False
 
 

@@ -485,7 +485,7 @@ def _assumed(drive: ExpectedTrip) -> list[Flag]:
     """Flags for a departure without a state of charge and for a wind of unknown direction."""
     flags, departure = [], drive.plan.departure
     if departure.bms_soc is None and departure.soc is None:
-        start = drive.vehicle.battery.displayed_from_soc(drive.departure_soc)
+        start = drive.vehicle.battery.displayed_from_soc(float(drive.simulation.soc[0]))
         flags.append(Flag("soc_assumed", "soc", start, "1"))
     air = drive.plan.air
     if air is not None and air.any_side_m_s:

@@ -125,15 +125,15 @@ class ChargeScale:
         return np.hypot(base, CAPACITY_SD * np.abs(energy_wh) / self.wh_per_display)
 
     @classmethod
-    def from_published(cls, battery: Battery, wh_per_soc: float) -> ChargeScale:
+    def from_published(cls, battery: Battery, voltage_v: FloatArray) -> ChargeScale:
         """Make the scale from a car's published values.
 
         Parameters
         ----------
         battery : Battery
             The car's battery.
-        wh_per_soc : float
-            Energy from state of charge 1 to 0 of the battery management [Wh].
+        voltage_v : ndarray, shape (samples,)
+            Simulated voltage at the terminals [V], whose mean counts.
 
         Returns
         -------
@@ -143,11 +143,12 @@ class ChargeScale:
         Examples
         --------
         >>> from tripwatt.vehicles import load_vehicle
-        >>> ChargeScale.from_published(load_vehicle("bmw_i3_60ah").battery, 21_000.0).trips
+        >>> ChargeScale.from_published(load_vehicle("bmw_i3_60ah").battery, np.full(2, 350.0)).trips
         0
         """
         zero, full = battery.displayed_zero_soc, battery.displayed_full_soc
-        return cls(zero, full, wh_per_soc * (full - zero), PUBLISHED_DISPLAY_SD, PUBLISHED_MANAGED_SD)
+        wh = battery.capacity_ah * float(np.mean(voltage_v)) * (full - zero)
+        return cls(zero, full, wh, PUBLISHED_DISPLAY_SD, PUBLISHED_MANAGED_SD)
 
     @classmethod
     def from_readings(cls, readings: FloatArray, energy_wh: FloatArray) -> ChargeScale | None:

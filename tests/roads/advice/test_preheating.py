@@ -200,8 +200,8 @@ def test_charge_time_and_start_are_handed_over() -> None:
 
 
 def test_what_is_unknown_is_not_handed_over() -> None:
-    forecast = tw.forecast(road(5.0), Departure(ambient_temperature_degc=20.0))
-    until = before_departure(forecast, 1.4, 0.0, None, None)
+    plan = road(5.0).with_departure(Departure(ambient_temperature_degc=20.0))
+    until = before_departure(tw.load_model(), plan, 1.4, 0.0, Departure())
     assert until == {
         "target_soc": 1.0,
         "departs_at": None,
@@ -212,13 +212,13 @@ def test_what_is_unknown_is_not_handed_over() -> None:
         "charging_s": None,
         "preheat": None,
     }
-    done = before_departure(forecast, 0.4, 3700.0, 0.6, None)
+    done = before_departure(tw.load_model(), plan, 0.4, 3700.0, Departure(soc=0.6))
     assert (done["charge_wh"], done["charging_s"]) == (0.0, 0.0)
 
 
 def charged(vehicle: str, plug_w: float, soc: float = 0.2, to: float = 0.7, degc: float = 20.0) -> Any:
-    forecast = tw.for_car(None, vehicle).forecast(road(5.0), Departure(ambient_temperature_degc=degc))
-    return before_departure(forecast, to, plug_w, soc, None)
+    plan = road(5.0).with_departure(Departure(ambient_temperature_degc=degc))
+    return before_departure(tw.for_car(None, vehicle), plan, to, plug_w, Departure(soc=soc))
 
 
 @pytest.mark.parametrize("name", ["nissan_leaf_40", "hyundai_kona_64", "vw_id3", "bmw_i3_60ah"])

@@ -11,8 +11,8 @@ from typing import Any, Final
 import numpy as np
 
 from tripwatt.arrays import FloatArray
-from tripwatt.forecasting import Forecast
-from tripwatt.physics import conditions_at_departure
+from tripwatt.forecasting import ForecastModel
+from tripwatt.physics import conditions_at_departure, simulate_trip
 from tripwatt.physics.cabin import CONTROL_STEP_S, CabinStart, CabinTask, condition_cabins
 from tripwatt.population import for_car
 from tripwatt.roads.journey import Need, need
@@ -21,6 +21,7 @@ from tripwatt.roads.journey.kinds import typical_road
 from tripwatt.roads.maps.stations import Station
 from tripwatt.trips import Departure, Flag, Plan, Trip
 from tripwatt.trips.messages import leave_in_words
+from tripwatt.uncertainty import ChargeScale
 from tripwatt.units import SECONDS_PER_HOUR, WH_PER_J
 from tripwatt.vehicles import Climate, Vehicle
 
@@ -143,9 +144,7 @@ def preheating(
     aims = [
         start.setpoint_degc + kelvin * math.copysign(1.0, ambient - start.setpoint_degc) for kelvin in TRIED_K
     ]
-    power, air, interior = _parked_cabins(
-        climate, ambient, [replace(start, setpoint_degc=aim) for aim in aims]
-    )
+    power, air, interior = _parked_cabins(climate, ambient, start, aims)
     road = CabinTask(climate, plan.array("time_s"), plan.array("speed_m_s"), ambient, start)
     within = start.temperature_degc if start.interior_degc is None else start.interior_degc
     run = road.run_from(np.append(start.temperature_degc, air), np.append(within, interior))
@@ -174,13 +173,13 @@ def preheating(
     return Preheating(aims[aim], STEP_S * (steps + 1), float(wall[best]), float(saved[best]), changed)
 
 
-def _parked_cabins(climate: Climate, ambient: float, starts: list[CabinStart]) -> FloatArray:
-    """Simulate parked cabins without people and sun; return mean power [W] and temperatures of air and interior [°C] at the end of each step.
+def _parked_cabins(climate: Climate, ambient: float, start: CabinStart, aims: list[float]) -> FloatArray:
+    """Simulate parked cabins without people and sun at some set-points; return mean power [W] and temperatures of air and interior [°C] at the end of each step.
 
-    The result has shape (3, starts, STEPS).
+    The result has shape (3, set-points, STEPS).
     """
     empty, hour, still = replace(climate, occupant_heat_w=0.0), STEP_S * np.array([0.0, STEPS]), np.zeros(2)
-    dark = [replace(start, solar_irradiance_w_m2=0.0) for start in starts]
+    dark = [replace(start, setpoint_degc=aim, solar_irradiance_w_m2=0.0) for aim in aims]
     runs = condition_cabins([CabinTask(empty, hour, still, ambient, start) for start in dark])
     per_step = round(STEP_S / CONTROL_STEP_S)
     power = [(run.heat_w + run.fan_w).reshape(STEPS, per_step).mean(axis=1) for run in runs]
@@ -191,22 +190,22 @@ def _parked_cabins(climate: Climate, ambient: float, starts: list[CabinStart]) -
 
 
 def before_departure(
-    forecast: Forecast, soc_needed: float, plug_w: float, soc: float | None, leaves: dt.datetime | None
+    model: ForecastModel, plan: Plan, soc_needed: float, plug_w: float, now: Departure
 ) -> dict[str, Any]:
     """Return what to do before a trip, for `GET /v1/need`: target charge and time, energy and time of charging, preheating.
 
     Parameters
     ----------
-    forecast : Forecast
-        Forecast of the trip.
+    model : ForecastModel
+        Model of the car.
+    plan : Plan
+        Plan with the departure as it is without preheating.
     soc_needed : float
         Displayed charge to leave with.
     plug_w : float
         Power of the plug [W]; 0 if the car is not plugged in.
-    soc : float or None
-        Displayed charge now.
-    leaves : datetime or None
-        Time of departure.
+    now : Departure
+        Displayed charge now, and time of departure.
 
     Returns
     -------
@@ -216,22 +215,21 @@ def before_departure(
     Examples
     --------
     >>> import tripwatt as tw
-    >>> cold = tw.Departure(soc=0.3, ambient_temperature_degc=-5.0)
-    >>> trip = tw.forecast(tw.read_route([{"length_m": 60_000.0, "speed_m_s": 20.0}]), cold)
-    >>> do = before_departure(trip, tw.soc_needed(trip, 0.1, 0.95), 3700.0, 0.3, None)
+    >>> cold, road = tw.Departure(soc=0.3, ambient_temperature_degc=-5.0), [{"length_m": 60_000.0, "speed_m_s": 20.0}]
+    >>> do = before_departure(tw.load_model(), tw.read_route(road).with_departure(cold), 0.8, 3700.0, cold)
     >>> do["target_soc"] > do["soc"], do["charging_s"] > 3600.0, do["preheat"]["wall_wh"] > 0.0
     (True, True, True)
     """
-    target, wh = min(soc_needed, 1.0), forecast.charge.wh_per_display
+    vehicle, scale = model.vehicle, model.fitted_parts("before departure")[1].charge
+    if scale is None:
+        scale = ChargeScale.from_published(vehicle.battery, simulate_trip(vehicle, plan).terminal_voltage_v)
+    soc, leaves, target, wh = now.soc, now.departs_at, min(soc_needed, 1.0), scale.wh_per_display
     begins = target if soc is None else min(soc, target)
     missing_wh = None if soc is None else (target - begins) * wh
-    curve, plug = (
-        ChargingCurve.from_vehicle(forecast.vehicle, wh),
-        Station.without_plugs(0.0, 0.0, "", plug_w),
-    )
-    cell_degc = float(forecast.drive.simulation.battery_temperature_degc[0])
+    curve, plug = ChargingCurve.from_vehicle(vehicle, wh), Station.without_plugs(0.0, 0.0, "", plug_w)
+    cell_degc = conditions_at_departure(vehicle, plan.departure).battery_start_degc
     into_battery_s = float(curve.seconds(np.linspace(begins, target, 101), plug, wh, cell_degc)[-1])
-    heat = preheating(forecast.vehicle, forecast.plan, plug_w=plug_w)
+    heat = preheating(vehicle, plan, plug_w=plug_w)
     return {
         "target_soc": target,
         "departs_at": leaves and leaves.isoformat(),
@@ -260,12 +258,12 @@ def need_before_departure(
     True
     """
     model = for_car(options.pop("model", None), options.pop("car", None))
-    at_departure = options.pop("soc", departure.soc), departure.departs_at
+    now = replace(departure, soc=options.pop("soc", departure.soc))
     needed = need(ahead, kind, departure, model=model, **options)
-    trip = ahead if isinstance(ahead, Plan | Trip) else typical_road(1000.0 * ahead, kind)
-    forecast = model.expect(trip, departure)
-    until = before_departure(forecast, needed.soc_needed, plug_w, *at_departure)
-    depends = until["charging_s"] and forecast.vehicle.charging is None
+    trip = Plan.from_trip(ahead) if isinstance(ahead, Trip) else ahead
+    plan = trip if isinstance(trip, Plan) else typical_road(1000.0 * trip, kind)
+    until = before_departure(model, plan.with_departure(departure), needed.soc_needed, plug_w, now)
+    depends = until["charging_s"] and model.vehicle.charging is None
     assumed = (Flag("class_charging_curve", "charging"),) if depends else ()
     message = leave_in_words(needed.soc_needed, needed.reserve, needed.probability)
     needed = replace(needed, flags=(*needed.flags, *assumed))
