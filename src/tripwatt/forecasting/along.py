@@ -193,14 +193,14 @@ class Along:
             "time_s": self.time_s,
             "distance_m": self.distance_m,
             "energy_wh": self.energy_wh,
-            "energy_low_wh": self._energy_wh(below),
-            "energy_high_wh": self._energy_wh(above),
+            "energy_low_wh": self.energy_beyond(below),
+            "energy_high_wh": self.energy_beyond(above),
             "displayed_soc": middle,
             "displayed_soc_low": low,
             "displayed_soc_high": high,
         }
 
-    def _energy_wh(self, more_wh: FloatArray, at: Any = slice(None)) -> FloatArray:
+    def energy_beyond(self, more_wh: FloatArray, at: Any = slice(None)) -> FloatArray:
         """Energy at edges that is higher than expected by `more_wh`, or lower, but above the least possible one [Wh], shape of `more_wh`."""
         below = possible_energy(self.energy_wh[at], np.abs(more_wh), self.min_wh[at])
         return np.asarray(np.where(more_wh < 0.0, below, self.energy_wh[at] + more_wh))
@@ -220,7 +220,7 @@ class Along:
             Uniform values from 0 to less than 1 that choose the climb of each draw.
         """
         wh, sd_wh = self.wh_per_display, self.energy_sd_wh
-        energy_wh = self._energy_wh(self.excess.draws(normal, sd_wh, scenario))
+        energy_wh = self.energy_beyond(self.excess.draws(normal, sd_wh, scenario))
         charge_sd_wh = self.charge_sd * wh
         share = np.divide(sd_wh, charge_sd_wh, out=np.ones(len(sd_wh)), where=charge_sd_wh > 0.0)
         share = np.minimum(share, 1.0)  # the charge was read later than the energy was measured
@@ -272,7 +272,7 @@ class Along:
         sd_wh = np.repeat([self.energy_sd_wh[-1], self.charge_sd[-1] * wh], len(p))
         excess_wh = self.excess.at(-1).quantiles(np.concatenate((levels, 1.0 - levels)), sd_wh)
         more_wh, charge_excess_wh = np.split(excess_wh, 2)
-        return self._energy_wh(more_wh, -1), np.clip(self.charge[-1] - charge_excess_wh / wh, 0.0, 1.0)
+        return self.energy_beyond(more_wh, -1), np.clip(self.charge[-1] - charge_excess_wh / wh, 0.0, 1.0)
 
 
 @dataclass(frozen=True, eq=False)

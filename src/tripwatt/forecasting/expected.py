@@ -25,8 +25,8 @@ MIN_RESISTANCE: Final = 0.5
 """Part of air drag and rolling resistance that every trip has: tail wind and good tyres take less than half of them."""
 FAR: Final = 0.99
 """Quantile of the net climb up to which a road of unknown heights is simulated; energy is linear beyond."""
-EVEN: Final = (-1.0, -0.3, 0.0, 0.3, 1.0)
-"""Grades beyond the expected ones that are simulated, as multiples of the grade of that quantile."""
+EVEN: Final = (-1.0, -0.3, 0.3, 1.0)
+"""Grades beyond the expected ones that are simulated, as multiples of the grade of that quantile; half of them fall."""
 HILLS: Final = (0.03, 0.08)
 """Grades of the simulated roads that go up and down in turn."""
 COOLING_S: Final = 1800.0
@@ -142,14 +142,15 @@ class ExpectedTrip:
 
     def climbing_energy(self, net: NetClimbs) -> ClimbingEnergy:
         """Energy of climbing on a road of unknown heights, from simulations at grades around the expected ones. O(samples) for each."""
-        grade = np.array(EVEN) * max(net.steepest(FAR, float(self.distance_m[-1])), 1e-3)
-        at = np.interp(self.plan.array("time_s") - self.simulation.time_s[0], self.edges_s, self.distance_m)
+        even = np.array(EVEN) * max(net.steepest(FAR, float(self.distance_m[-1])), 1e-3)
+        time_s, run = self.simulation.time_s - self.simulation.time_s[0], self.simulation
+        at = np.interp(time_s, self.edges_s, self.distance_m)
         by_turns = np.where((at / LOCAL_M).astype(np.int64) % 2, -1.0, 1.0)
         # beyond those of the plan: a battery that its climb empties takes the energy of its descent, and hills on it waste little
-        grades = [*grade, *np.outer(HILLS, by_turns)]
-        time_s, run = self.simulation.time_s - self.simulation.time_s[0], self.simulation
-        more_wh = energies_on_grades(self.vehicle, self.plan, run, grades) - run.energy_wh
-        extra_wh = [np.interp(self.edges_s, time_s, row) for row in more_wh]
+        more_wh = energies_on_grades(self.vehicle, self.plan, run, [*even, *np.outer(HILLS, by_turns)])
+        extra_wh = [np.interp(self.edges_s, time_s, row) for row in more_wh - run.energy_wh]
         even_wh, hill_wh = np.split(extra_wh, [len(EVEN)])
-        hill_wh = np.insert(hill_wh - even_wh[len(EVEN) // 2], 0, 0.0, axis=0)
+        # the plan itself has none of them
+        grade, even_wh = np.insert(even, len(EVEN) // 2, 0.0), np.insert(even_wh, len(EVEN) // 2, 0.0, axis=0)
+        hill_wh = np.insert(hill_wh, 0, 0.0, axis=0)
         return ClimbingEnergy(grade, even_wh, np.array((0.0, *HILLS)), hill_wh, self.distance_m, net)

@@ -44,7 +44,7 @@ from tripwatt.trips.messages import flag_to_dict, message
 from tripwatt.trips.showing import html_table
 from tripwatt.uncertainty import ChargeScale, ResidualPower, RouteUncertainty, UncertaintyModel
 from tripwatt.uncertainty.charge import FULL
-from tripwatt.uncertainty.climb import ClimbingEnergy, Excess
+from tripwatt.uncertainty.climb import ClimbingEnergy, Excess, UnknownClimb
 from tripwatt.uncertainty.free_flow import FreeFlowUncertainty
 from tripwatt.units import SECONDS_PER_HOUR, with_units
 from tripwatt.vehicles import Vehicle
@@ -173,10 +173,9 @@ class Forecast:
         time_s = running_sum(drive.table.hours) * SECONDS_PER_HOUR
         sd_wh, unread = self.sds_wh(hours), _unread_hours(self)
         charge_sd_wh = sd_wh if np.array_equal(unread, hours) else self.sds_wh(unread)
-        climb = None if self.climbing is None else self.climbing.ahead(self._climbs_from_m)
-        scores = self.uncertainty.scores
+        scores, climb = self.uncertainty.scores, self._unknown_climb
         expected_wh = np.zeros(len(sd_wh)) if climb is None else climb.quantile(scores, 0.5, sd_wh)
-        energy_wh = self._course_wh(np.diff(expected_wh))
+        energy_wh = self._course_wh + expected_wh
         min_wh = running_sum(measured.energy_wh + drive.min_w * hours)
         if climb is not None:
             min_wh = min_wh + climb.offsets_wh.min(axis=0)
@@ -231,14 +230,23 @@ class Forecast:
         """Displayed state of charge at the end of the trip."""
         return Arrival(self.along)
 
-    @property
+    @cached_property
     def energy_wh(self) -> float:
-        """Energy of the whole trip [Wh]."""
-        return float((self._course_wh() if self.climbing is None else self.along.energy_wh)[-1])
+        """Energy of the whole trip [Wh]: as at the end of `along`, without the course along the road."""
+        if self.climbing is None:
+            return float(self._course_wh[-1])
+        climb = Excess(self.uncertainty.scores, self._unknown_climb, np.zeros(1)).at(-1)
+        return float(self._course_wh[-1] + climb.quantile(0.5, self.sds_wh(self.open_hours)[-1:])[0])
 
-    def _course_wh(self, more_wh: FloatArray | float = 0.0) -> FloatArray:
-        """Energy up to the edges of the segments [Wh], shape (edges,), with more energy in each segment."""
-        return running_sum(self.measured.energy_wh + self.power_w * self.open_hours + more_wh)
+    @cached_property
+    def _course_wh(self) -> FloatArray:
+        """Energy up to the edges of the segments without that of an unknown climb [Wh], shape (edges,)."""
+        return running_sum(self.measured.energy_wh + self.power_w * self.open_hours)
+
+    @property
+    def _unknown_climb(self) -> UnknownClimb | None:
+        from_m, drive = self._climbs_from_m, self.climbing
+        return drive if drive is None else drive.ahead(from_m) if from_m else drive.whole
 
     @property
     def sd_wh(self) -> float:
@@ -410,18 +418,17 @@ class Forecast:
         parts, table = self.drive.simulation.by_cause_wh, self.drive.table
         simulated = float(table.simulated_w @ table.hours)
         parts["climate"] += simulated - sum(parts.values())  # rounding of the segments' ends
-        parts["correction"] = self.energy_wh - simulated
-        if self.climbing is not None:
-            expected = float(self.along.excess.expected_wh[-1])
-            parts["climb"] += expected
-            parts["correction"] -= expected
+        course_wh = float(self._course_wh[-1])
+        parts["climb"] += self.energy_wh - course_wh
+        parts["correction"] = course_wh - simulated
         return parts
 
     @property
     def level_wh(self) -> float:
         """Energy of the whole trip without those of its climb and of the parked car [Wh], which speeds and traffic do not change."""
         parked_s = sum(pause.duration_s for pause in self.plan.pauses if pause.cools)
-        return self.energy_wh - self.by_cause_wh["climb"] - PARKED_W * parked_s / SECONDS_PER_HOUR
+        climb_wh = self.drive.simulation.by_cause_wh["climb"]
+        return float(self._course_wh[-1]) - climb_wh - PARKED_W * parked_s / SECONDS_PER_HOUR
 
     @property
     def battery_loss_wh(self) -> float:

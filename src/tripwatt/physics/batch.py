@@ -90,9 +90,8 @@ def energies_on_grades(
     drive = drive_of_trip(vehicle, plan)
     slopes = np.array([np.broadcast_to(grade, drive.time_s.shape) for grade in grades])
     means = drive.grade + np.hstack((slopes[:, :1], 0.5 * (slopes[:, 1:] + slopes[:, :-1])))
-    trace = Trace.from_samples(drive.time_s, drive.speed_m_s, drive.grade, drive.headwind_m_s)
-    given = drive.conditions, run.auxiliary_power_w
-    energy_wh, is_sure = unlimited_energy(drive.vehicle, replace(trace, grade=means), *given)
+    trace = Trace.from_samples(drive.time_s, drive.speed_m_s, means, drive.headwind_m_s)
+    energy_wh, is_sure = unlimited_energy(drive.vehicle, trace, drive.conditions, run.auxiliary_power_w)
     if not is_sure.all():
         limited = replace(trace, grade=means[~is_sure])
         arrays, _ = drive_chain(drive.vehicle, limited, drive.conditions, run.climate_power_w)

@@ -67,6 +67,11 @@ class ClimbingEnergy:
         climbs = np.linspace(0.0, most, 65)
         return float(np.interp(energy_wh, self.more_wh(climbs, from_m), climbs))
 
+    @cached_property
+    def whole(self) -> UnknownClimb:
+        """Energies that the unknown climb of the whole road may add."""
+        return self.ahead()
+
     def ahead(self, from_m: float = 0.0) -> UnknownClimb:
         """Energies that the unknown climb from `from_m` on may add; 0 up to `from_m`."""
         distance = np.maximum(self.distance_m - from_m, 0.0)
@@ -242,14 +247,13 @@ class Excess:
         chosen = np.searchsorted(np.cumsum(self.climb.weights[:-1]), scenario, side="right")
         return np.asarray(error_wh + self.climb.offsets_wh[chosen])
 
-    def at(self, place: int) -> Excess:
-        """The distribution at the place of an index only, -1 for the end of the trip."""
-        climb, only = self.climb, [place]
-        there = None if climb is None else UnknownClimb(climb.offsets_wh[:, only], climb.weights)
-        return Excess(self.scores, there, self.expected_wh[only])
+    def at(self, *places: int) -> Excess:
+        """The distribution at the places of some indices only, -1 for the end of the trip."""
+        there = self.climb and UnknownClimb(self.climb.offsets_wh[:, places], self.climb.weights)
+        return Excess(self.scores, there, self.expected_wh[[*places]])
 
     def quantiles(self, p: FloatArray, sd_wh: FloatArray) -> FloatArray:
-        """Quantiles of a distribution at one place, such as `at(-1)` [Wh]; `p`, `sd_wh` and result have shape (probabilities,)."""
+        """Quantiles of a distribution at one place for all probabilities, such as `at(-1)`, or at one for each [Wh], shape (probabilities,)."""
         if self.climb is None:
             return _error_quantiles_wh(self.scores, p, sd_wh)
         return self.climb.quantiles(self.scores, p, sd_wh) - self.expected_wh

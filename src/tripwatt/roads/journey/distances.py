@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
-from functools import lru_cache
+from functools import lru_cache, partial
 from pathlib import Path
 from typing import Any, Final, Literal
 
@@ -384,10 +384,12 @@ def _node_values(
 
 def trip_quantiles(forecast: Forecast, levels: Sequence[float]) -> tuple[FloatArray, FloatArray, float]:
     """Return quantiles of the energy [Wh] and displayed charge that a trip takes, shape (levels,), and its duration [s]."""
-    along, p, wh = forecast.along, np.array(levels), forecast.along.wh_per_display
-    excess_wh = [along.excess.at(k).quantiles(p, along.charge_sd[[k] * len(p)] * wh) for k in (0, -1)]
-    charge = along.charge[0] - along.charge[-1] + (excess_wh[1] - excess_wh[0]) / wh
-    return forecast.quantile(p), charge, forecast.plan.duration_s
+    along, n, wh = forecast.along, len(levels), forecast.along.wh_per_display
+    sd_wh = np.repeat([along.energy_sd_wh[-1], along.charge_sd[0] * wh, along.charge_sd[-1] * wh], n)
+    ends = along.excess.at(*np.repeat([-1, 0, -1], n).tolist())
+    more_wh, before_wh, after_wh = np.split(ends.quantiles(np.tile(levels, 3), sd_wh), 3)
+    charge = along.charge[0] - along.charge[-1] + (after_wh - before_wh) / wh
+    return along.energy_beyond(more_wh, -1), charge, forecast.plan.duration_s
 
 
 def need(
@@ -536,9 +538,7 @@ def range_km(
         low, lower, median, upper, high = forecaster.inverse(spare, levels, 1) if spare else [0.0] * 5
         return KindRange(median, (lower, upper), (low, high))
 
-    def forecaster_of(kind: str | Sequence[float]) -> KindForecaster:
-        return KindForecaster.from_kind(own_model, departure, kind)
-
+    forecaster_of = partial(KindForecaster.from_kind, own_model, departure)
     of_kind = range_by(forecaster_of(kind))
     by_kind = {name: range_by(forecaster_of(name)) for name in (*KINDS, UNKNOWN)}
     flags, doubt = forecaster_of(kind).flags_and_doubt(max(of_kind.range_m, NODES_M[0]))
