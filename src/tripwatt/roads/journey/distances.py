@@ -284,18 +284,16 @@ class KindForecaster:
         k = self._node_below(distance_m)
         low, high = (_node_values(self, k + i, tuple(levels)) for i in (0, 1))
         part = (distance_m - NODES_M[k]) / (NODES_M[k + 1] - NODES_M[k])
-        energy = low[0] + part * (high[0] - low[0])
-        charge = low[1] + part * (high[1] - low[1])
-        return energy, charge, low[2] + part * (high[2] - low[2])
+        energy, charge, duration_s = (a + part * (b - a) for a, b in zip(low, high, strict=True))
+        return energy, charge, duration_s
 
     def inverse(self, amount: float, levels: tuple[float, ...], quantity: Literal[0, 1]) -> list[float]:
         """Return the distances [m] whose quantiles of energy [Wh] (`quantity` 0) or displayed charge (`quantity` 1) are an amount."""
         return [self._inverse(amount, levels, quantity, k) for k in range(len(levels))]
 
     def _inverse(self, amount: float, levels: tuple[float, ...], of: Literal[0, 1], level: int) -> float:
-        k = len(NODES_M) - 2
-        while k > 0 and _node_values(self, k, levels)[of][level] > amount:
-            k -= 1
+        longest_first = range(len(NODES_M) - 2, 0, -1)
+        k = next((k for k in longest_first if _node_values(self, k, levels)[of][level] <= amount), 0)
         low, high = (float(_node_values(self, k + i, levels)[of][level]) for i in (0, 1))
         part = (amount - low) / max(high - low, 1e-9)
         return max(NODES_M[k] + part * (NODES_M[k + 1] - NODES_M[k]), 0.0)
@@ -303,12 +301,10 @@ class KindForecaster:
     def flags_and_doubt(self, distance_m: float) -> tuple[tuple[Flag, ...], Doubt]:
         """Return the flags and the doubt of the road of `NODES_M` whose length is nearest to a distance [m]."""
         k = self._node_below(distance_m)
-        forecast = _node_forecast(self, k + (2.0 * distance_m > NODES_M[k] + NODES_M[k + 1]))
-        flags = tuple(flag for flag in forecast.flags if flag.code not in _CHARGE_FLAGS)
         roads = self._roads(NODES_M[k])
         known_sd, unknown_sd = (roads.relative_sd(NODES_M[k], known) for known in (True, False))
         by_kind = 0.0 if self.is_known else 1.0 - min(known_sd / unknown_sd, 1.0) ** 2
-        return flags, Doubt.from_forecast(forecast, by_kind)
+        return _flags_and_doubt(self, k + (2.0 * distance_m > NODES_M[k] + NODES_M[k + 1]), by_kind)
 
     def forecast(self, length_m: float) -> Forecast:
         """Forecast a typical road of a length [m], with the variance that remains if only its kind is known."""
@@ -368,16 +364,22 @@ def roads_of_model(model: ForecastModel, prior: RoadPrior) -> OwnRoads | None:
     return OwnRoads.from_trips(prior, driven, lambda plan: model.forecast(plan).drive.driving_wh)
 
 
-@lru_cache(maxsize=256)
+@lru_cache(maxsize=24)
 def _node_forecast(forecaster: KindForecaster, node: int) -> Forecast:
-    """Forecast a typical road of the length number `node` of `NODES_M`."""
+    """Forecast a typical road of the length number `node` of `NODES_M`; a forecast takes a megabyte, so few are kept."""
     return forecaster.forecast(NODES_M[node])
 
 
 @lru_cache(maxsize=1024)
-def _node_values(
-    forecaster: KindForecaster, node: int, levels: tuple[float, ...]
-) -> tuple[FloatArray, FloatArray, float]:
+def _flags_and_doubt(forecaster: KindForecaster, node: int, by_kind: float) -> tuple[tuple[Flag, ...], Doubt]:
+    """Return the flags of `_node_forecast` that hold for other distances, too, and its doubt."""
+    forecast = _node_forecast(forecaster, node)
+    flags = tuple(flag for flag in forecast.flags if flag.code not in _CHARGE_FLAGS)
+    return flags, Doubt.from_forecast(forecast, by_kind)
+
+
+@lru_cache(maxsize=1024)
+def _node_values(forecaster: KindForecaster, node: int, levels: tuple[float, ...]) -> tuple[Any, Any, float]:
     """Return quantiles of the energy [Wh] and displayed charge taken, and the duration [s], of `_node_forecast`."""
     return trip_quantiles(_node_forecast(forecaster, node), levels)
 
