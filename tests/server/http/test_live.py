@@ -236,8 +236,9 @@ def test_without_a_plan_a_charge_that_the_energy_contradicts_is_not_shown(
 ) -> None:
     create_car(tmp_path / "i3", "bmw_i3_60ah")
     with Car.follow(tmp_path / "i3") as car:
+        per_display = own_wh_per_display()
         for second in range(0, 2400, 10):
-            right = 90.0 - 12_500.0 * second / 36.0 / own_wh_per_display()
+            right = 90.0 - 12_500.0 * second / 36.0 / per_display
             sent = message(float(second), speed=90.0, power=12.5, soc=right if stuck is None else stuck)
             car.record(sample_from_abrp(sent))
         assert car.updated is None
