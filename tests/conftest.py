@@ -69,10 +69,11 @@ def reference_dir() -> Path:
 
 @pytest.fixture(scope="session")
 def web(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The front end's sources with their packages of Node."""
+    """The front end's sources with their packages of Node, installed once for all processes that test."""
     from tests.support.front_end import with_packages  # needs the extra service
 
-    return with_packages(tmp_path_factory.mktemp("front-end"))
+    base = tmp_path_factory.getbasetemp()
+    return with_packages((base.parent if "PYTEST_XDIST_WORKER" in os.environ else base) / "front-end")
 
 
 @pytest.fixture(scope="session")

@@ -52,19 +52,32 @@ def is_installed() -> bool:
 
 
 def with_packages(place: Path) -> Path:
-    """The sources with their packages and what is written for them: as they are, or in a copy at a place."""
+    """The sources with their packages and what is written for them: as they are, or in a copy that all processes share at a place."""
     version = node_version()
     if version is None or version < MIN_NODE:
         pytest.skip(f"needs Node {MIN_NODE} or newer with npm, found {version}")
     if is_installed():
         return with_inputs(WEB)
-    shutil.copytree(ROOT / "tests" / "vectors", place / "tests" / "vectors")
-    shutil.copytree(WEB, place / "web", ignore=shutil.ignore_patterns("node_modules"))
+    import fcntl  # here, since Windows has none
+
+    place.mkdir(exist_ok=True)
+    with (place / "lock").open("w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        if not (place / "web" / "generated" / "fields.ts").is_file():
+            install(place)
+            with_inputs(place / "web")
+    return place / "web"
+
+
+def install(place: Path) -> None:
+    """Copy the sources to a place, with their packages."""
+    shutil.copytree(ROOT / "tests" / "vectors", place / "tests" / "vectors", dirs_exist_ok=True)
+    ignored = shutil.ignore_patterns("node_modules", "generated")
+    shutil.copytree(WEB, place / "web", ignore=ignored, dirs_exist_ok=True)
     cache = f"--cache={place / 'npm-cache'}"
     found = run(place / "web", "npm", "ci", "--no-audit", "--prefer-offline", cache)
     if found.returncode != 0:
         pytest.skip(f"npm ci failed, is there a network? {found.stderr.strip()[-300:]}")
-    return with_inputs(place / "web")
 
 
 def with_inputs(web: Path) -> Path:

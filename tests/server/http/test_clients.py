@@ -13,7 +13,7 @@ from typing import Any
 import orjson
 import pytest
 from tests.support import ROOT
-from tests.support.front_end import run, with_packages
+from tests.support.front_end import run
 from tests.support.service_process import TOKEN, Service, serving
 
 from tripwatt.server.http.example_requests import GPX, JOURNEY, PLANNED_REQUEST
@@ -148,9 +148,8 @@ def test_a_python_client_has_every_operation(
 
 
 def test_a_typescript_client_is_typed_and_runs(
-    complete: Service, document: Path, raw: dict[str, Any], tmp_path: Path
+    complete: Service, document: Path, raw: dict[str, Any], tmp_path: Path, web: Path
 ) -> None:
-    web = with_packages(tmp_path)
     place = tmp_path / "client"
     place.mkdir()
     found = run(web, "npx", "openapi-typescript", f"{document}", "--output", f"{place / 'api.ts'}")
