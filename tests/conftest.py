@@ -1,8 +1,8 @@
 """Where tests find the real data; everything that needs it skips with a reason where it is missing."""
 
 import os
-from collections.abc import Iterator
-from functools import cache
+from collections.abc import Callable, Iterator
+from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +11,9 @@ import typer.main
 import typer.testing
 from hypothesis import settings
 from tests.support import ROOT
+from tests.support.once import made_once, shared_folder
+
+from tripwatt.sources import tum, ved
 
 settings.register_profile("gate", derandomize=True, deadline=None)  # no test asserts a time
 settings.register_profile("search", deadline=None)
@@ -50,6 +53,22 @@ def built_once() -> Iterator[None]:
         yield
 
 
+@pytest.fixture(scope="session", autouse=True)
+def read_once(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+    """Public sets, of which one takes eleven seconds to read, are read once; tests of their readers import these before."""
+    folder = Path(os.environ.get("TRIPWATT_DATA", ROOT / "../shared/data")).resolve()
+
+    def read(name: str, real: Callable[..., Any], source: Path, *, strict: bool = False) -> Any:
+        if strict or source.resolve() != folder / name:
+            return real(source, strict=strict)
+        return made_once(tmp_path_factory, name, lambda: real(source))
+
+    with pytest.MonkeyPatch.context() as patch:
+        for name, real in (("tum", tum.read_tum), ("ved", ved.read_ved)):
+            patch.setattr(f"tripwatt.sources.{name}.read_{name}", partial(read, name, real))
+        yield
+
+
 def _shared(variable: str, default: str) -> Path:
     folder = Path(os.environ.get(variable, ROOT / default))
     if not folder.is_dir():
@@ -72,8 +91,8 @@ def web(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The front end's sources with their packages of Node, installed once for all processes that test."""
     from tests.support.front_end import with_packages  # needs the extra service
 
-    base = tmp_path_factory.getbasetemp()
-    return with_packages((base.parent if "PYTEST_XDIST_WORKER" in os.environ else base) / "front-end")
+    with shared_folder(tmp_path_factory, "front-end") as folder:
+        return with_packages(folder)
 
 
 @pytest.fixture(scope="session")

@@ -2,7 +2,6 @@
 
 import datetime as dt
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -13,7 +12,7 @@ from tests.support.refusals import refuses
 
 from tripwatt.auditing.findings import Cut, Finding
 from tripwatt.auditing.logs import audit, driven_m, finding_of_cut, without_repeats
-from tripwatt.sources.tum import read_tum
+from tripwatt.sources import read_logs
 from tripwatt.trips import Context, Log, validate_samples
 
 CAPACITY_AH = 62.0
@@ -213,7 +212,7 @@ def test_any_log_is_audited_without_an_error_and_what_passes_is_valid(data):
 
 
 def test_the_published_trips(data_dir):
-    fleet = read_tum(Path(data_dir) / "tum")
+    fleet = read_logs(data_dir / "tum")
     result = audit(fleet)
     assert result.set_aside.keys() == {"TripB02"}
     assert "filled gap" in result.set_aside["TripB02"]

@@ -52,20 +52,15 @@ def is_installed() -> bool:
 
 
 def with_packages(place: Path) -> Path:
-    """The sources with their packages and what is written for them: as they are, or in a copy that all processes share at a place."""
+    """The sources with their packages and what is written for them: as they are, or in a copy at a place."""
     version = node_version()
     if version is None or version < MIN_NODE:
         pytest.skip(f"needs Node {MIN_NODE} or newer with npm, found {version}")
     if is_installed():
         return with_inputs(WEB)
-    import fcntl  # here, since Windows has none
-
-    place.mkdir(exist_ok=True)
-    with (place / "lock").open("w") as lock:
-        fcntl.flock(lock, fcntl.LOCK_EX)
-        if not (place / "web" / "generated" / "fields.ts").is_file():
-            install(place)
-            with_inputs(place / "web")
+    if not (place / "web" / "generated" / "fields.ts").is_file():
+        install(place)
+        with_inputs(place / "web")
     return place / "web"
 
 
