@@ -510,16 +510,15 @@ def test_what_takes_too_much_memory_is_refused_while_others_are_served_and_its_w
     tmp_path: Path,
 ) -> None:
     rng, limits = np.random.default_rng(5), ("--limit", "memory_bytes=300_000_000")
-    rows = b"".join(
-        rng.bytes(200).hex().encode() * 60 for _ in range(8_000)
-    )  # 190 MB in 2 MB, within the bounds
+    rows = b"".join(rng.bytes(200).hex().encode() * 60 for _ in range(8_000))
+    packed = archive({"a.csv": rows})  # 190 MB in 2 MB, within the bounds
     with serving(tmp_path, "--workers", "2", "--cars", f"{tmp_path}", *limits) as service:
         new_car(service, "large")
         workers, after = service.workers(), []
         with ThreadPoolExecutor(1) as pool:
             for _ in range(3):
                 seen = pool.submit(seen_by_another, service, 1.0)
-                refused = put(service, "large", "upload01", "a.zip", archive({"a.csv": rows}))
+                refused = put(service, "large", "upload01", "a.zip", packed)
                 assert (refused.status_code, refused.json()["type"]) == (413, "/problems/too-large")
                 assert refused.json()["detail"] == "it takes more than 300000000 bytes of memory"
                 assert seen.result().wrong == []
