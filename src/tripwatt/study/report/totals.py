@@ -143,9 +143,9 @@ def drivers_by_name(posterior: GroupPosterior, rows: TripRows, price: float = 0.
     compared = deviations(posterior, rows, drivers=True)
     names = ["car_model", "vehicle_id", "driver"]
     trips = trip_energies(posterior, rows).iloc[rows.chronological[0]]
-    own = pd.DataFrame({group: posterior.weights(*group[:2])[0] for group in set(rows.groups)})
-    chosen = own[[rows.groups[i] for i in trips.index]].to_numpy().T
-    corrections = (rows.X[trips.index] * chosen).sum(axis=1)
+    groups = rows.groups
+    own = pd.DataFrame({group: posterior.weights(*group[:2])[0] for group in set(groups)})
+    corrections = (rows.X[trips.index] * own[[groups[i] for i in trips.index]].to_numpy().T).sum(axis=1)
     trips["expected_wh"] = rows.numbers("simulated_wh")[trips.index] + corrections
     place = trips.groupby(names).cumcount() / trips.groupby(names)["driver"].transform("size")
     for name, half in (("earlier", place < 0.5), ("later", place >= 0.5)):
