@@ -1,6 +1,7 @@
 """Outside of what it was learned from a correction fades to none, and what it may be comes back as variance."""
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pandas as pd
@@ -24,7 +25,11 @@ TRIPS = synthetic_fleet(14).trips
 TABLE = segment_trips(TRIPS, CAR)
 SEEN = Range.from_values(TABLE.features[AMBIENT])
 NAMES = ("linear", "gp", "boosting", "gamm")
-FITTED = {name: power_corrector(name).fit(TABLE) for name in NAMES}
+
+
+@cache
+def fitted(name: str) -> PowerCorrector:
+    return power_corrector(name).fit(TABLE)
 
 
 def at(degc: float, trip: int = 0) -> SegmentTable:
@@ -35,7 +40,7 @@ def at(degc: float, trip: int = 0) -> SegmentTable:
 
 def energies(name: str, table: SegmentTable) -> tuple[float, float]:
     """Correction of a trip and the standard deviation of what is not known of it [Wh]."""
-    corrector = FITTED[name]
+    corrector = fitted(name)
     mean, factor = corrector.predict_with_uncertainty(table)
     whole = np.hstack([factor, corrector.outside_factor(table)])
     return float(table.hours @ mean), float(np.linalg.norm(table.hours @ whole))
@@ -54,7 +59,7 @@ def test_its_uncertainty_grows_from_what_was_learned_to_the_prior(name) -> None:
     sds = [energies(name, at(SEEN.high + k * SEEN.sd))[1] for k in (0.0, 0.5, 1.0, 2.0, 4.0, 8.0)]
     assert (np.diff(sds) > -1e-9).all()
     far = at(SEEN.high + 8.0 * SEEN.sd)
-    model = FITTED[name].model
+    model = fitted(name).model
     prior = np.linalg.norm(far.hours @ model.prior_factor(model.features(far.features)[0]))
     assert sds[-1] == pytest.approx(prior, rel=0.01)
     assert sds[-1] > sds[0]
@@ -64,7 +69,7 @@ def test_its_uncertainty_grows_from_what_was_learned_to_the_prior(name) -> None:
 @given(share=st.floats(0.0, 1.0), trip=st.integers(0, len(TRIPS) - 1))
 def test_inside_the_range_it_counts_in_full(name, share, trip) -> None:
     table = at(SEEN.low + share * (SEEN.high - SEEN.low), trip)
-    assert FITTED[name].familiarity.share(table.features).tolist() == [1.0] * len(table.hours)
+    assert fitted(name).familiarity.share(table.features).tolist() == [1.0] * len(table.hours)
 
 
 @given(a=st.floats(-60.0, 60.0), b=st.floats(-60.0, 60.0))
@@ -84,7 +89,7 @@ def test_each_covariate_takes_its_part_and_an_unknown_one_none() -> None:
     assert share.tolist() == pytest.approx([np.exp(-1.0), np.exp(-0.5), np.exp(-0.5), 1.0])
     assert share[0] == pytest.approx(share[1] * share[2])
     longer = TABLE.features.assign(time_s=90_000.0)
-    for corrector in FITTED.values():
+    for corrector in map(fitted, NAMES):
         assert set(corrector.familiarity.ranges) <= set(FADING)
         np.testing.assert_array_equal(corrector.familiarity.share(longer), 1.0)
 
@@ -107,11 +112,11 @@ def test_a_forecast_far_outside_is_that_of_the_physics_and_wider() -> None:
 @pytest.mark.parametrize("name", ["linear", "gp", "boosting"])
 def test_a_stored_correction_fades_as_the_fitted_one(name) -> None:
     converter = new_converter()
-    values = parts_tree(tree_parts(converter.unstructure(FITTED[name], PowerCorrector)))
+    values = parts_tree(tree_parts(converter.unstructure(fitted(name), PowerCorrector)))
     again = structured(values, PowerCorrector, converter, "a corrector")
     for degc in (SEEN.low, SEEN.high + SEEN.sd, SEEN.high + 3.0 * SEEN.sd):
-        np.testing.assert_array_equal(again.predict(at(degc)), FITTED[name].predict(at(degc)))
-        np.testing.assert_array_equal(again.outside_factor(at(degc)), FITTED[name].outside_factor(at(degc)))
+        np.testing.assert_array_equal(again.predict(at(degc)), fitted(name).predict(at(degc)))
+        np.testing.assert_array_equal(again.outside_factor(at(degc)), fitted(name).outside_factor(at(degc)))
 
 
 @pytest.mark.parametrize("values", [[0.0, 1.0, 0.0], [0.0, float("nan"), 1.0], [float("-inf"), 1.0, 1.0]])

@@ -10,18 +10,21 @@ from typing import Any
 import pytest
 from tools.quality.contract import BREAKS, breaks, of_checkout, released
 
-DOCUMENT = of_checkout()
-SCHEMAS = DOCUMENT["components"]["schemas"]
+
+@pytest.fixture(scope="module")
+def ours() -> Any:
+    """The document of this checkout."""
+    return of_checkout()
 
 
-def test_what_breaks_clients_of_the_newest_release_is_what_is_written_down() -> None:
+def test_what_breaks_clients_of_the_newest_release_is_what_is_written_down(ours: Any) -> None:
     """A change that breaks them fails here until `python -m tools.quality.contract --write`, and then asks for a new minor version."""
-    found = breaks(json.loads(released().read_bytes()), DOCUMENT)
+    found = breaks(json.loads(released().read_bytes()), ours)
     assert found == BREAKS.read_text("utf-8").splitlines()
 
 
-def test_a_document_breaks_nothing_for_its_own_clients() -> None:
-    for document in (DOCUMENT, json.loads(released().read_bytes())):
+def test_a_document_breaks_nothing_for_its_own_clients(ours: Any) -> None:
+    for document in (ours, json.loads(released().read_bytes())):
         assert breaks(document, document) == []
 
 
@@ -126,11 +129,11 @@ KINDS: dict[str, tuple[Callable[[Any], Any], str]] = {
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_every_kind_of_break_is_recognised(kind: str) -> None:
+def test_every_kind_of_break_is_recognised(ours: Any, kind: str) -> None:
     change, expected = KINDS[kind]
-    document = copy.deepcopy(DOCUMENT)
+    document = copy.deepcopy(ours)
     change(document)
-    found = breaks(DOCUMENT, document)
+    found = breaks(ours, document)
     assert expected in found
     part = expected.split(":")[0].rpartition(".")[2].rpartition(" ")[2]
     assert all(part in line for line in found), found
@@ -154,12 +157,12 @@ HARMLESS: dict[str, Callable[[Any], Any]] = {
 
 
 @pytest.mark.parametrize("kind", HARMLESS)
-def test_what_no_client_notices_is_no_break(kind: str) -> None:
-    document = copy.deepcopy(DOCUMENT)
+def test_what_no_client_notices_is_no_break(ours: Any, kind: str) -> None:
+    document = copy.deepcopy(ours)
     changed = HARMLESS[kind](document)
     other = changed if isinstance(changed, dict) and "paths" in changed else document
-    assert other != DOCUMENT
-    assert breaks(DOCUMENT, other) == []
+    assert other != ours
+    assert breaks(ours, other) == []
 
 
 def test_schemas_that_name_themselves_end() -> None:
