@@ -404,7 +404,8 @@ class TripStore:
         list of dict
             One row per log; None if a value is unknown.
         """
-        frame = self.trips(columns=TRIPS.names, **which)
+        # `started_at` has more than the instant, which the stores of older cars lack
+        frame = self.trips(columns=[n for n in TRIPS.names if n != "started_at_utc"], **which)
         rows: list[Any] = frame.astype(object).where(frame.notna(), None).to_dict("records")
         return rows
 

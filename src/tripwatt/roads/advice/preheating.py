@@ -220,7 +220,7 @@ def before_departure(
     >>> do["target_soc"] > do["soc"], do["charging_s"] > 3600.0, do["preheat"]["wall_wh"] > 0.0
     (True, True, True)
     """
-    vehicle, scale = model.vehicle, model.fitted_parts("before departure")[1].charge
+    vehicle, scale = model.vehicle, model.fitted_parts("forecast")[1].charge
     if scale is None:
         scale = ChargeScale.from_published(vehicle.battery, simulate_trip(vehicle, plan).terminal_voltage_v)
     soc, leaves, target, wh = now.soc, now.departs_at, min(soc_needed, 1.0), scale.wh_per_display
