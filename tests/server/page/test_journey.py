@@ -467,7 +467,7 @@ def test_who_charges_at_the_start_drives_nowhere_first_and_a_doubtful_charge_is_
     told = todo.inner_text().replace("\u00a0", " ")
     first, second = told.split(" If it is ")
     assert first == "Charge here, at “Halbweg”, for 12 min with about 25 kW, from 13 % to 45 %."
-    assert second == "occupied, wait: no other station helps."
+    assert second == "occupied when you are there, wait: no other station is in reach."
     assert page.locator("#verdict-title").inner_text() == "You may reach Halbweg below your reserve"
     figure = " ".join(page.locator(".verdict .arrival").inner_text().split())
     there = "Battery at Halbweg 13% 11 to 15 % in 9 of 10 trips"  # and then of the end
@@ -565,7 +565,8 @@ def test_the_figures_of_a_way_back_are_those_of_its_end(page: Any, expected: lis
     ).wait_for()
     first, *told = [words.replace("\u00a0", " ") for words in page.locator(".todo li").all_inner_texts()]
     assert re.match(
-        "If you can, charge to [0-9]+ % first: .* you would arrive there with [0-9]+ %, the reserve in", first
+        "If you can, charge to [0-9]+ % first: .* you would arrive with [0-9]+ %, and above the reserve in only",
+        first,
     )
     assert [words.split(" ")[0] for words in told[:4]] == ["Drive", "At", "Charge", "Drive"]
     assert "with 55 %. Pause of 8 h; start back" in told[1]  # before the car charges in the pause

@@ -130,7 +130,7 @@ const de: Text = {
     leaveWithStops: (soc) => `Wenn Sie vorher laden: auf ${soc} oder mehr, dann weiter mit Ladestopps.`,
     leaveWithout: (soc) => `Um ohne Ladestopp zu fahren: mit mindestens ${soc} losfahren.`,
     onlyInPause: (soc, now, chance) =>
-      `Wenn Sie können, laden Sie vorher auf ${soc}: Dann fahren Sie direkt hin und laden nur in der Pause. Jetzt kämen Sie dort mit ${now} an, die Reserve bliebe bei ${chance}.`,
+      `Wenn Sie können, laden Sie vorher auf ${soc}: Dann fahren Sie direkt hin und laden nur in der Pause. Führen Sie jetzt direkt hin, kämen Sie mit ${now} an, und nur bei ${chance} mit der Reserve.`,
     notEnough: "Auch eine volle Batterie reicht nicht: Laden Sie unterwegs.",
     anyCharge: (reserve) => `Jeder Ladestand reicht: bei 19 von 20 Fahrten bleiben mindestens ${reserve}.`,
     chargeFirst: (soc, isLow) =>
@@ -185,7 +185,7 @@ const de: Text = {
     ifFull: (station, arrival, more, chance) =>
       `Falls besetzt: ${station}, erreicht mit ${arrival} (${chance})${more && `, ${more}`}.`,
     otherPlan: (plan) => `Ist sie besetzt, wählen Sie unten den Plan „${plan}“.`,
-    noOther: "Ist sie besetzt, warten Sie: Keine andere Ladestation hilft.",
+    noOther: "Ist sie bei Ankunft besetzt, warten Sie: Keine andere ist in Reichweite.",
     longer: (time) => `${time} länger`,
     more: (figure) => `${figure} mehr`,
     less: (figure) => `${figure} weniger`,

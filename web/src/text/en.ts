@@ -124,7 +124,7 @@ export const en = {
     leaveWithStops: (soc: string) => `If you can, charge to ${soc} or more first; then go with stops.`,
     leaveWithout: (soc: string) => `To drive without a stop: leave with ${soc} or more.`,
     onlyInPause: (soc: string, now: string, chance: string) =>
-      `If you can, charge to ${soc} first: then you drive straight there and charge in the pause only. Now you would arrive there with ${now}, the reserve in ${chance}.`,
+      `If you can, charge to ${soc} first: then you drive straight there and charge in the pause only. Straight there now, you would arrive with ${now}, and above the reserve in only ${chance}.`,
     notEnough: "Even a full battery is not enough: charge on the way.",
     anyCharge: (reserve: string) => `Any charge is enough to arrive with ${reserve} in 19 of 20 trips.`,
     chargeFirst: (soc: string, isLow: boolean) =>
@@ -182,7 +182,7 @@ export const en = {
     ifFull: (station: string, arrival: string, more: string, chance: string) =>
       `If it is full: ${station}, reached with ${arrival} (${chance})${more && `, ${more}`}.`,
     otherPlan: (plan: string) => `If it is occupied, choose the plan “${plan}” below.`,
-    noOther: "If it is occupied, wait: no other station helps.",
+    noOther: "If it is occupied when you are there, wait: no other station is in reach.",
     longer: (time: string) => `${time} longer`,
     more: (figure: string) => `${figure} more`,
     less: (figure: string) => `${figure} less`,

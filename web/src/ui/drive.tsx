@@ -40,9 +40,8 @@ export function DriveControls() {
 }
 
 export function DriveLine({ of }: { of: Forecast }) {
-  const last = history.value.at(-1);
   const now = interpolate(distanceM.value, of.series.distance_m, of.series.displayed_soc);
-  const naive = last?.naive ?? null;
+  const naive = history.value.at(-1)?.naive ?? null;
   const { drive } = text.value;
   const { shown } = format.value;
   return (

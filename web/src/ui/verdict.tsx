@@ -319,7 +319,7 @@ function FirstStop({ of }: { of: Stop }) {
   const texts = [
     of.position_m >= HERE_M && reached,
     charger && `${charger}.`,
-    isRisky && !advice.value?.singly.length && words.driveGently,
+    isRisky && words.driveGently,
     isRisky && words.orCall,
     occupied,
   ];
@@ -412,10 +412,11 @@ function ToDo({ of }: { of: Forecast }) {
   const { journey: words } = text.value;
   const { reserve, soc, departsAt } = conditions.value;
   const isLow = departsAt === null && soc < Math.max(reserve, LOW_SOC);
+  const pausesAtStation = plan?.stops.some(({ pause_s }) => pause_s > 0) ?? false;
   const stopsHelp = withStops <= 1 && withStops < (needed ?? 2) && !(plan && isLow);
   const leaves =
     needed !== undefined &&
-    (!plan || (needed <= 1 && needed > soc && !isLow)) &&
+    (!plan || (needed <= 1 && needed > soc && !isLow && !pausesAtStation)) &&
     !(isStuck.value && needed > 1);
   const helps = advice.value?.singly.filter(({ whole }) => isStuck.value && whole && whole.charges > 0) ?? [];
   const [best] = helps.sort((one, other) => other.p_arrive - one.p_arrive);
