@@ -591,8 +591,8 @@ def test_who_reaches_no_station_is_told_not_to_set_out_and_then_what_to_do(
         return route.fulfill(json=answer)
 
     def around(route: Any) -> None:
-        # from Westend, 12, 8 and 7.7 km; no road leads to the last
-        at = [(47.09, 8.91, "Eck"), (47.0, 9.11, "Nah"), (47.0, 8.899, "Luft")]
+        # from Westend, 12, 8 and 3.8 km; no road leads to the last
+        at = [(47.09, 8.91, "Eck"), (47.0, 9.11, "Nah"), (47.0, 8.95, "Luft")]
         by = float(re.findall("north=([0-9.]+)", route.request.url)[0]) - 47.0
         near = [one for one in at if max(one[0] - 47.0, abs(one[1] - 9.0)) < by]
         places = [
