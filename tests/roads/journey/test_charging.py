@@ -84,4 +84,10 @@ def test_plugs_are_those_of_the_region_and_of_the_car():
     assert plugs_of("vw_id4", boston) == AMERICAN | {"tesla_supercharger_ccs"}
     assert plugs_of("nissan_leaf_40", vaduz) == EUROPEAN - {"type2_combo"} | {"chademo"}
     assert {"tesla_supercharger", "nacs", "type1_combo"} <= plugs_of("tesla_model_3_lr", boston)
+    assert "type2_combo" in plugs_of("fiat_500e_2020_24", vaduz)
+    assert plugs_of("fiat_500e", vaduz) == plugs_of("smart_eq_fortwo", vaduz) == EUROPEAN - {"type2_combo"}
+    for power_w, fits in ((22e3, True), (150e3, False)):  # stations of which only the power is known
+        station = Station.without_plugs(47.0, 9.5, "", power_w)
+        assert (station.usable_with(plugs_of("fiat_500e", vaduz)) is not None) == fits
+        assert station.usable_with(plugs_of("fiat_500e", kyoto)) is station
     assert plugs_of("vw_id3", kyoto) == frozenset()

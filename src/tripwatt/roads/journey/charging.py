@@ -38,6 +38,9 @@ _REGIONS: Final = ((34.0, -50.0, 84.0, 45.0, EUROPEAN), (7.0, -170.0, 84.0, -50.
 """South, west, north and east of Europe and of North America [°], and their plugs; elsewhere, plugs differ from country to country."""
 _CHADEMO_CAR: Final = "nissan_leaf"
 """Beginning of the names of the library's cars that charge with CHAdeMO."""
+_ALTERNATING_CARS: Final = ("fiat_500e", "smart_eq_fortwo")
+"""The library's cars that charge with alternating current only: the Fiat of 2013 to 2019 by FCA US, technical data 500e; the Smart by Open EV Data
+(https://github.com/KilowattApp/open-ev-data), which lists no direct current."""
 
 WARM_DEGC: Final = 25.0
 _COLD_LOSS_1_K: Final = 0.36 / 25.0
@@ -208,12 +211,15 @@ def plugs_of(car: str, place: Place) -> frozenset[str]:
     --------
     >>> sorted(plugs_of("nissan_leaf_40", Place(47.0, 9.0)) - plugs_of("vw_id3", Place(47.0, 9.0)))
     ['chademo']
+    >>> "type2_combo" in plugs_of("fiat_500e", Place(47.0, 9.0))
+    False
     """
     tesla = {"tesla_supercharger", "nacs"} if car.startswith("tesla") else set[str]()
     for south, west, north, east, plugs in _REGIONS:
         if south <= place.latitude_deg < north and west <= place.longitude_deg < east:
-            if car.startswith(_CHADEMO_CAR):
-                return plugs - {"type1_combo", "type2_combo"} | {"chademo"}
+            is_leaf = car.startswith(_CHADEMO_CAR)
+            if is_leaf or car in _ALTERNATING_CARS:
+                return plugs - {"type1_combo", "type2_combo"} | {*["chademo"] * is_leaf}
             return plugs | tesla | {"tesla_supercharger_ccs"}
     return frozenset()
 

@@ -180,7 +180,9 @@ class Station:
     def usable_with(
         self, plugs: Set[str], most_w: tuple[float, float] = (math.inf, math.inf)
     ) -> Station | None:
-        """Return the station as a car can use it, or None if no plug fits; unknown plugs of either are taken to fit.
+        """Return the station as a car can use it, or None if no plug fits.
+
+        Unknown plugs of either are taken to fit, but those of direct current only if the car has one.
 
         Parameters
         ----------
@@ -203,7 +205,8 @@ class Station:
         True
         """
         if not self.plugs:
-            return self
+            is_slow = bool(plugs) and not any(Plug(kind, 0.0).direct_current for kind in plugs)
+            return None if is_slow and self.direct_current else self
         fitting = [plug for plug in self.plugs if not plugs or plug.kind in plugs]
         if not fitting:
             return None
@@ -283,8 +286,7 @@ def near(stations: Sequence[Station], points: Sequence[Place], farthest_m: float
 
     if not stations or not points:
         return []
-    line = cKDTree(on_sphere(points))
-    distance, nearest = line.query(on_sphere(stations), distance_upper_bound=farthest_m)
+    distance, nearest = cKDTree(on_sphere(points)).query(on_sphere(stations), distance_upper_bound=farthest_m)
     pairs = [(k, int(nearest[k])) for k in range(len(stations)) if np.isfinite(distance[k])]
     return sorted(pairs, key=lambda pair: pair[1])
 
