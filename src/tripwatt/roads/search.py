@@ -63,8 +63,7 @@ def _photon_places(answer: Node) -> list[Place]:
         parts = [tags.get("name") or street, tags.get("city"), tags.get("country")]
         name = ", ".join(dict.fromkeys(str(part) for part in parts if part))
         longitude, latitude = (degrees.number() for degrees in coordinates[:2])
-        kind = str(tags.get("osm_value", ""))[:40]
-        places.append(Place(latitude, longitude, name[:_LONGEST_TEXT], kind))
+        places.append(Place(latitude, longitude, name[:_LONGEST_TEXT], str(tags.get("osm_value", ""))[:40]))
     return places
 
 

@@ -248,11 +248,26 @@ def test_a_start_that_reaches_no_station_surely_has_the_plan_that_does_best(mode
     charged = journey(model, replace(COLD, soc=needed + 0.01), atlas=replace(MADE, stations=(near, far)))
     assert (charged.verdict.arrives, charged.soc_needed_with_stops) == (True, None)
     assert len(charged.charging.stops) == len(plan.stops)
-    # who may strand is not sent off: the charge alone is said
+    # who will strand is not sent off: the charge alone is said
     lower = journey(model, replace(COLD, soc=0.3), atlas=replace(MADE, stations=(near, far)))
     assert (lower.charging, lower.verdict.advice) == (None, "charge_before")
     assert lower.soc_needed_with_stops == pytest.approx(needed, abs=0.02)
     assert lower.soc_needed > 1.0
+
+
+def test_more_charge_is_never_worse_around_the_reserve(model):
+    """One who has the reserve and cannot keep it to the station is told as much as one who leaves with less."""
+    at = replace(
+        MADE, stations=tuple(Station(47.0, 9.0 + k, "", 1e5, direct_current=True) for k in (0.06, 0.4))
+    )
+    found = [
+        journey(model, replace(COLD, soc=soc), atlas=at, alternatives=1)
+        for soc in (0.03, 0.07, 0.09, 0.1, 0.11, 0.15, 0.2, 0.3)
+    ]
+    chances = [min(each.verdict.p_arrive, 0.95) for each in found]  # plans of more are as fast as can be
+    assert chances == sorted(chances)
+    assert chances[1] < 0.5 < chances[3] < chances[4] < 0.95
+    assert [each.charging is not None for each in found] == [chance >= 0.5 for chance in chances]
 
 
 def test_stations_without_a_plug_of_the_car_are_left_out(model):
@@ -320,24 +335,26 @@ def test_roads_are_compared_with_the_time_and_energy_of_their_stops(model, soc):
 
 def test_the_first_road_has_the_fewest_stops_of_those_as_fast_and_is_never_dominated():
     """Plans by time [s], stops, energy [Wh] and chance, and the order of their roads."""
-    rng = np.random.default_rng(7)
+    rng, chances = np.random.default_rng(7), [(0.5, 0.7), (0.5, 0.9), (0.96, 0.99)]
     for _ in range(3000):
         n = int(rng.integers(1, 5))
         plans = [
-            SimpleNamespace(duration_s=60.0 * s, stops=(0,) * c, energy_wh=100.0 * wh, p_reserve=p)
-            for s, c, wh, p in zip(*rng.integers(0, 9, (3, n)), rng.choice([0.5, 0.96], n), strict=True)
+            SimpleNamespace(
+                duration_s=60.0 * s, stops=(0,) * c, energy_wh=100.0 * wh, p_reserve=p, p_arrive=q
+            )
+            for s, c, wh, (p, q) in zip(*rng.integers(0, 9, (3, n)), rng.choice(chances, n), strict=True)
         ]
         order = planning._order(plans, True)
         assert sorted(order) == list(range(n))
         first, others = plans[order[0]], [plans[k] for k in order[1:]]
         for other in others:
-            assert other.p_reserve <= first.p_reserve
-            if other.p_reserve == first.p_reserve:
+            assert (other.p_reserve, other.p_arrive) <= (first.p_reserve, first.p_arrive)
+            if other.p_arrive == first.p_arrive:
                 ours, theirs = ((plan.duration_s, len(plan.stops), plan.energy_wh) for plan in (first, other))
                 assert any(b > a for a, b in zip(ours, theirs, strict=True)) or ours == theirs
                 if other.duration_s <= first.duration_s:
                     assert (len(first.stops), first.energy_wh) <= (len(other.stops), other.energy_wh)
-        times = [(plan.p_reserve < 0.95, plan.duration_s) for plan in others]
+        times = [(-plan.p_arrive, plan.duration_s) for plan in others]
         assert times == sorted(times)
 
 
@@ -617,7 +634,8 @@ def test_a_station_behind_the_start_helps_where_no_other_does(model):
 def test_a_battery_that_a_road_beyond_its_range_heats_starts_no_leg_so_hot():
     smart = tw.for_car(None, "smart_eq_fortwo")
     departure = tw.Departure(soc=0.9, ambient_temperature_degc=35.0)
-    found = journey(smart, departure, (A, FAR, A), replace(MADE, stations=row(9)))
+    slow = tuple(replace(station, direct_current=False) for station in row(9))
+    found = journey(smart, departure, (A, FAR, A), replace(MADE, stations=slow))
     assert found.forecast.drive.simulation.battery_temperature_degc.max() > 80.0
     assert found.corridor.cell_degc.max() <= 60.0
     assert found.charging is not None

@@ -52,11 +52,10 @@ _TOLERANCE: Final = 0.001
 _TOLERANCES: Final = {"cheapest": 0.01}
 """A plan of routed legs is accepted if it costs at most the share `_TOLERANCE` more than the optimum with estimates; `_TOLERANCES` has the share of
 some labels."""
-_STOP_COSTS_S: Final = {"fastest": SAME_TIME_S, "fewest stops": 2e4}
-_ENERGY_COST_S: Final = 1e6
-_MISSING_CHARGE_COST_S: Final = 1e8
-"""Costs [s] of a stop by the label of a plan, of the energy of a full display, and of a full display missing at the start; time counts little
-beside all but the first. Choices."""
+_STOP_COSTS_S: Final = {"fastest": SAME_TIME_S, "best effort": SAME_TIME_S, "fewest stops": 2e4}
+_CHARGE_COST_S: Final = 1e6
+"""Costs [s] of a stop by the label of a plan, and of a full display, taken on the way or missing at the start; time counts little beside all but the
+first. Choices."""
 _NUDGE_DEG: Final = 3e-5
 """Latitude by which one of two equal places is moved for a router [°], 3 m."""
 LEG_FIELDS: Final = ("soc", "bms_soc", "follows_trip", "battery_temperature_degc", "departs_at")
@@ -308,8 +307,7 @@ class Corridor:
     def _at_nodes(self, values: FloatArray) -> FloatArray:
         """Interpolate values along the forecast at the nodes."""
         distance = self.forecast.along.distance_m
-        at = self._position_m * distance[-1] / self.road.distance_m
-        return np.asarray(np.interp(at, distance, values))
+        return np.asarray(np.interp(self._position_m * distance[-1] / self.road.distance_m, distance, values))
 
     @cached_property
     def _estimates(self) -> tuple[FloatArray, FloatArray]:
@@ -475,13 +473,12 @@ def _is_at(place: Place, station: Station) -> bool:
 
 def _problem_for_label(problem: StopProblem, label: str) -> StopProblem:
     """Return the problem with the costs of a label added to the time; best effort may begin the first leg with less than its need."""
-    if label in _STOP_COSTS_S:
-        return replace(problem, overhead_s=problem.overhead_s + _STOP_COSTS_S[label])
+    problem = replace(problem, overhead_s=problem.overhead_s + _STOP_COSTS_S.get(label, 0.0))
     if label == "cheapest":
-        return replace(problem, time_s=problem.time_s + _ENERGY_COST_S * np.maximum(problem.taken, 0.0))
+        return replace(problem, time_s=problem.time_s + _CHARGE_COST_S * np.maximum(problem.taken, 0.0))
     if label == "best effort":
         need, time = problem.need.copy(), problem.time_s.copy()
-        time[0] += _MISSING_CHARGE_COST_S * np.maximum(need[0] - problem.start_soc, 0.0)
+        time[0] += _CHARGE_COST_S * np.maximum(need[0] - problem.start_soc, 0.0)
         need[0] = np.minimum(need[0], problem.start_soc)
         return replace(problem, need=need, time_s=time)
     return problem

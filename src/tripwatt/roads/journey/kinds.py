@@ -312,8 +312,7 @@ def shares_over(shares: Shares, distance_m: float) -> Shares:
 
 def typical_road(distance_m: float, kind: str | Sequence[float]) -> Plan:
     """Make the plan of a typical drive of a kind, or of shares, over a distance [m] of a flat road."""
-    shares = shares_of(kind)
-    shares = shares_over(shares, distance_m) if isinstance(kind, str) else shares
+    shares = shares_over(shares_of(kind), distance_m) if isinstance(kind, str) else shares_of(kind)
     plan = road_prior().plan(distance_m, shares)
     return replace(plan, samples=plan.samples.assign(grade=0.0))
 

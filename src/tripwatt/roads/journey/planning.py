@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -509,7 +510,7 @@ def journey_with(
     plans = find_plans(chosen) if chosen else ()
     with_stops = plans[0].soc_needed if plans else None
     without = roads[order[0]].forecast.p_arrive(reserve)
-    plans = tuple(plan for plan in plans if helps(plan, without))
+    plans = tuple(plan for plan in plans if chosen and helps(plan, chosen))
     roads[order[0]] = replace(roads[order[0]], charging=next(iter(plans), None))
     forecasts = _label_roads([roads[k] for k in order], reserve)
     first = forecasts[0]
@@ -532,14 +533,15 @@ def journey_with(
 def _order(plans: Sequence[ChargingPlan], is_planned: bool) -> list[int]:
     """Return the order of roads by their plans: those that arrive first, then those with the higher chance, each from the fastest on.
 
-    If the first has stops, of the roads that take at most `SAME_TIME_S` more, the one with the fewest stops comes first, then the one
+    Of two roads that keep the reserve with the same chance, the one that is more likely to arrive at all has the higher chance. If the first has stops, of the roads that take at most `SAME_TIME_S` more, the one with the fewest stops comes first, then the one
     with the least energy.
     """
-    lacking = [max(CERTAIN - plan.p_reserve, 0.0) * is_planned for plan in plans]
-    ranks = [(p > 0.0, round(p, 2), plans[k].duration_s, plans[k].energy_wh) for k, p in enumerate(lacking)]
-    order = sorted(range(len(plans)), key=ranks.__getitem__)
-    *chance, fastest_s, _ = ranks[order[0]]
-    near = [k for k in order if [*ranks[k][:2]] == chance and ranks[k][2] <= fastest_s + SAME_TIME_S]
+    wanted = CERTAIN * is_planned
+    both = [(plan.p_reserve, plan.p_arrive) for plan in plans]
+    chances = [[math.ceil(100.0 * max(wanted - p, 0.0)) for p in pair] for pair in both]
+    order = sorted(range(len(plans)), key=lambda k: (chances[k], plans[k].duration_s, plans[k].energy_wh))
+    latest_s = plans[order[0]].duration_s + SAME_TIME_S
+    near = [k for k in order if chances[k] == chances[order[0]] and plans[k].duration_s <= latest_s]
     if plans[order[0]].stops:
         first = min(near, key=lambda k: (len(plans[k].stops), plans[k].energy_wh))
         order.sort(key=lambda k: k != first)

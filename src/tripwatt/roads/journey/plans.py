@@ -44,8 +44,8 @@ _GAINS: Final[Mapping[str, Callable[[ChargingPlan], float]]] = MappingProxyType(
 """Quantity in which each alternative has to exceed the other plans by at least 1: stops, percentage points, percent."""
 
 
-def find_plans(corridor: Corridor) -> tuple[ChargingPlan, ...]:
-    """Find the fastest plan, and plans that are better in another respect: fewest stops, safest, cheapest by energy.
+def find_plans(corridor: Corridor, *, alternatives: bool = True) -> tuple[ChargingPlan, ...]:
+    """Find the fastest plan, and as `alternatives` plans that are better in another respect: fewest stops, safest, cheapest by energy.
 
     A stop less may take `SAME_TIME_S` more in the fastest plan, which so has the fewest stops of plans that are about as fast.
 
@@ -53,9 +53,11 @@ def find_plans(corridor: Corridor) -> tuple[ChargingPlan, ...]:
     """
     first, risk = _best_certain_plan(corridor, "fastest", _LEG_RISKS[1])
     if first is None and corridor.detour_m < FARTHEST_M:
-        return find_plans(replace(corridor, detour_m=FARTHEST_M))
+        return find_plans(replace(corridor, detour_m=FARTHEST_M), alternatives=alternatives)
     if first is None:
         return tuple(filter(None, [_best_effort(corridor)]))
+    if not alternatives:
+        return (first,)
     fewest, _ = _best_certain_plan(corridor, "fewest stops", risk)
     cheapest, _ = _best_certain_plan(corridor, "cheapest", risk)
     # a choice: the safest plan takes at most a quarter longer than the fastest
@@ -76,12 +78,9 @@ def _cost_s(corridor: Corridor, plan: ChargingPlan) -> float:
 
 
 def fastest_plan(corridor: Corridor) -> ChargingPlan | None:
-    """Find the fastest plan with stops by the first search alone, else the plan of best effort; returns None if no station helps."""
-    certain, _ = _best_certain_plan(corridor, "fastest", _LEG_RISKS[1])
-    if certain is None and corridor.detour_m < FARTHEST_M:
-        return fastest_plan(replace(corridor, detour_m=FARTHEST_M))
-    plan = certain or _best_effort(corridor)
-    return plan if plan and helps(plan, corridor.forecast.p_arrive(plan.reserve)) else None
+    """Find the fastest plan with stops by the first search alone, else the plan of best effort; returns None if no stop helps."""
+    plans = find_plans(corridor, alternatives=False)
+    return next((plan for plan in plans if helps(plan, corridor)), None)
 
 
 def _best_certain_plan(corridor: Corridor, label: str, risk: float) -> tuple[ChargingPlan | None, float]:
@@ -124,26 +123,28 @@ def _safest_plan(corridor: Corridor, max_s: float) -> ChargingPlan | None:
 
 def _best_effort(corridor: Corridor) -> ChargingPlan | None:
     """Return the plan with the highest chance to reach its first station, with the charge that it needs at the start; None without a stop."""
-    reserve, chances = corridor.options.reserve, _SAFEST_CHANCES[-2]
-    optimum = corridor.optimum(chances, BEST_EFFORT)
-    if optimum is None or len(optimum.nodes) < 3:
+    tried = [(corridor.optimum(chances, BEST_EFFORT), chances) for chances in _SAFEST_CHANCES[:1:-1]]
+    found = [(way, chances) for way, chances in tried if way is not None and len(way.nodes) > 2]
+    if not found:
         return None
-    plan = ChargingPlan(BEST_EFFORT, (), corridor.legs_of(optimum), reserve)
+    optimum, chances = min(found, key=lambda one: len(one[0].nodes))
+    plan = ChargingPlan(BEST_EFFORT, (), corridor.legs_of(optimum), corridor.options.reserve)
     plan = _with_stops(corridor, plan, optimum, chances)
     if plan.p_reserve >= CERTAIN:  # the other legs make up for the first
         return replace(plan, label="fastest")
-    first, chance = plan.legs[0], min(CERTAIN / math.prod(plan.leg_chances[1:]), chances[0])
-    needed = soc_needed(first.forecast, min(reserve + first.preheat_soc, 1.0), chance)
+    first, chance = plan.legs[0], min(CERTAIN / math.prod(plan.leg_chances[1:]), 1.0 - _LEG_RISKS[0])
+    needed = soc_needed(first.forecast, min(plan.reserve + first.preheat_soc, 1.0), chance)
     return replace(plan, soc_needed=needed)
 
 
-def helps(plan: ChargingPlan, p_without: float) -> bool:
-    """Return whether to drive a plan: if it is certain, or of best effort and better than no stop with the chance `p_without`.
+def helps(plan: ChargingPlan, corridor: Corridor) -> bool:
+    """Return whether to drive a plan: if it is certain, or of best effort, better than the road without a stop, and arrives in 1 of 2 journeys.
 
-    The battery may run empty with 1 in 2 for who leaves below the reserve, else with 1 in 10, since the car can charge before it leaves.
+    It is better if it is more likely to keep the reserve, or as likely and more likely to arrive at all.
     """
-    least = 0.5 if plan.leaves_below_reserve else 0.9
-    return plan.label != BEST_EFFORT or (p_without < min(plan.p_reserve, CERTAIN) and plan.p_arrive >= least)
+    kept, arrived = (corridor.forecast.p_arrive(reserve) for reserve in (plan.reserve, 0.0))
+    is_better = (round(plan.p_reserve, 2), plan.p_arrive) > (round(kept, 2), arrived)
+    return plan.label != BEST_EFFORT or (kept < CERTAIN and is_better and plan.p_arrive >= 0.5)
 
 
 def _with_stops(
@@ -158,7 +159,6 @@ def _with_stops(
         elapsed += leg.forecast.plan.elapsed_s
         position += leg.road.distance_m
         arrival = leg.soc_arrival
-        charging_s = problem.charge_s(node, arrival, leave)
         made = ChargingStop(
             corridor.stations[node - 1],
             position,
@@ -166,7 +166,7 @@ def _with_stops(
             leave,
             leg.soc_interval,
             max(leave - arrival, 0.0) * wh,
-            charging_s,
+            problem.charge_s(node, arrival, leave),
             overhead,
             elapsed,
             plan.leg_chances[k],

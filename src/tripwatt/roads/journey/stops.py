@@ -151,8 +151,9 @@ class ChargingStop:
         >>> stop.in_words(dt.datetime(2026, 1, 5, 7, 30))
         'Charge at A (CCS, 50 kW) after 50 km, at 08:30, for 30 min: you arrive there with 20 % (15 to 25 %) and leave with 80 %. Needed only below 42 %.'
         """
-        where = f"after {self.position_m / 1000.0:.0f} km"
-        where = where if self.position_m >= START_M else "before the journey"
+        where = (
+            f"after {self.position_m / 1000.0:.0f} km" if self.position_m >= START_M else "before the journey"
+        )
         at = f", at {leaves + dt.timedelta(seconds=self.arrives_after_s):%H:%M}," if leaves else ""
         arrival, leave, low, high = (
             round(100.0 * soc) for soc in (self.soc_arrival, self.soc_leave, *self.soc_interval)
