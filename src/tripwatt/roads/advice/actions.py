@@ -172,9 +172,8 @@ def _with_speeds(plan: Plan, speed_m_s: FloatArray) -> Plan:
     stretch = np.divide(mean_before, mean, out=np.ones_like(mean), where=mean > 1e-6)
     steps = np.diff(time) * np.maximum(stretch, 1.0)
     new_time = np.concatenate((time[:1], time[0] + np.cumsum(steps)))
-    samples = plan.samples.assign(time_s=new_time, speed_m_s=speed_m_s)
     step_s = plan.step_s if np.array_equal(steps, np.diff(time)) else None
-    return replace(plan, samples=samples, step_s=step_s)
+    return replace(plan, samples=plan.samples.assign(time_s=new_time, speed_m_s=speed_m_s), step_s=step_s)
 
 
 def actions(forecast: Forecast) -> Iterator[Action]:

@@ -360,8 +360,7 @@ class Corridor:
             low_soc = leg.forecast.along.soc(chance)
             spare = min(float(low_soc[-1]) - reserve - leg.preheat_soc, float(low_soc.min()))
             along = leg.forecast.along.expected_soc
-            taken = float(along[0] - along[-1]) + leg.preheat_soc
-            self._leg_needs[key] = taken, float(along[0]) - spare
+            self._leg_needs[key] = float(along[0] - along[-1]) + leg.preheat_soc, float(along[0]) - spare
         return self._leg_needs[key]
 
     def width(self, chance: float) -> FloatArray:

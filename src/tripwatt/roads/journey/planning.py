@@ -278,6 +278,7 @@ class Journey:
             "p_arrive": verdict.p_reserve,
             "soc_needed": self.soc_needed,
             "soc_needed_with_stops": self.soc_needed_with_stops,
+            "plugs": sorted(self.corridor.plugs) if self.corridor else [],
             "leave": self.leave,
             "costs_wh": dict(self.costs_wh),
             "motorway_speed_m_s": None if self.speed is None else self.speed.speed_m_s,

@@ -122,19 +122,25 @@ def _safest_plan(corridor: Corridor, max_s: float) -> ChargingPlan | None:
 
 
 def _best_effort(corridor: Corridor) -> ChargingPlan | None:
-    """Return the plan with the highest chance to reach its first station, with the charge that it needs at the start; None without a stop."""
-    tried = [(corridor.optimum(chances, BEST_EFFORT), chances) for chances in _SAFEST_CHANCES[:1:-1]]
-    found = [(way, chances) for way, chances in tried if way is not None and len(way.nodes) > 2]
-    if not found:
+    """Return the plan with the highest chance to reach its first station, with the charge that it needs at the start; None without a stop.
+
+    With the charge that it needs, the other legs make up for the first as far as they can without another stop.
+    """
+    reserve, tried = corridor.options.reserve, _SAFEST_CHANCES[-2:]
+    ways = [(corridor.optimum(chances, BEST_EFFORT), chances) for chances in tried]
+    plans = [
+        _with_stops(corridor, ChargingPlan(BEST_EFFORT, (), corridor.legs_of(way), reserve), way, chances)
+        for way, chances in ways
+        if way is not None and len(way.nodes) > 2
+    ]
+    if not plans:
         return None
-    optimum, chances = min(found, key=lambda one: len(one[0].nodes))
-    plan = ChargingPlan(BEST_EFFORT, (), corridor.legs_of(optimum), corridor.options.reserve)
-    plan = _with_stops(corridor, plan, optimum, chances)
-    if plan.p_reserve >= CERTAIN:  # the other legs make up for the first
-        return replace(plan, label="fastest")
-    first, chance = plan.legs[0], min(CERTAIN / math.prod(plan.leg_chances[1:]), 1.0 - _LEG_RISKS[0])
-    needed = soc_needed(first.forecast, min(plan.reserve + first.preheat_soc, 1.0), chance)
-    return replace(plan, soc_needed=needed)
+    surest = min(plans[::-1], key=lambda plan: len(plan.stops))
+    if surest.p_reserve >= CERTAIN:
+        return replace(surest, label="fastest")
+    first, chance = surest.legs[0], min(CERTAIN / math.prod(surest.leg_chances[1:]), 1.0 - _LEG_RISKS[0])
+    needed = soc_needed(first.forecast, min(reserve + first.preheat_soc, 1.0), chance)
+    return replace(plans[0], soc_needed=needed)
 
 
 def helps(plan: ChargingPlan, corridor: Corridor) -> bool:

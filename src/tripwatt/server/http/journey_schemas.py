@@ -426,6 +426,8 @@ class PlanResponse(schemas.ResponseModel):
     """displayed state of charge to leave with, to arrive without a stop and with the reserve in 19 of 20 trips: on the first road if it suffices there, else the least of all roads; above 1: a full battery does not suffice; 0: any charge does"""
     soc_needed_with_stops: float | None
     """the same with stops to charge, if no plan with stops arrives as it is"""
+    plugs: list[str]
+    """plugs that the car is assumed to have, by their names on OpenStreetMap; empty if they are not known, or no stop is needed"""
     leave: str
     """`soc_needed` as an English sentence"""
     costs_wh: dict[str, float]

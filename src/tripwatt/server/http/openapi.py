@@ -139,8 +139,7 @@ def describe_requests(app: FastAPI, *, with_token: bool) -> None:
         if app.openapi_schema is None:
             answered = [r for r in app.routes if isinstance(r, APIRoute) and r.response_model is not None]
             for route in answered:
-                described = inspect.getdoc(route.response_model) or ""
-                route.response_description = described.partition("\n")[0]
+                route.response_description = (inspect.getdoc(route.response_model) or "").partition("\n")[0]
             document = derive()
             for operations in document["paths"].values():
                 for parameter in (p for of in operations.values() for p in of.get("parameters", ())):
