@@ -5,7 +5,7 @@ import { describe, test } from "node:test";
 import type { Stop } from "../src/api/documents";
 import { groupsOf, type Lean, leansOf, numbersText, type Pixel, PIN_PX } from "../src/model/pins";
 import { riskyStop } from "../src/model/answer";
-import { bestPlace, isPreferred, isSame, networkOf, planWithout } from "../src/model/stations";
+import { bestPlace, fits, isPreferred, isSame, networkOf } from "../src/model/stations";
 
 function at(longitude_deg: number, latitude_deg = 0) {
   return { latitude_deg, longitude_deg };
@@ -25,14 +25,15 @@ describe("stations", () => {
     );
   });
 
-  test("that are occupied leave the plans that do not charge there", () => {
-    const [near, far, both] = [[0], [1], [0, 1]].map((xs) => ({
-      stops: xs.map((x) => ({ station: at(x) })),
-    }));
-    assert.ok(near && far && both);
-    assert.equal(planWithout(at(0), [near, both, far]), far);
-    assert.equal(planWithout(at(1), [both, near, far]), near);
-    assert.equal(planWithout(at(0), [near, both]), undefined);
+  test("fit a car with one of their plugs; what is not known fits", () => {
+    const of = (...kinds: string[]) => ({
+      plugs: kinds.map((kind) => ({ kind, power_w: 1, power_known: true })),
+    });
+    assert.deepEqual(
+      [of("type2", "chademo"), of("type2_combo"), of()].map((one) => fits(one, ["type2", "schuko"])),
+      [true, false, true],
+    );
+    assert.ok(fits(of("type2_combo"), []));
   });
 
   test("hold the risk of a plan where they have at least half of it, the first one first", () => {

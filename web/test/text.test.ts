@@ -153,7 +153,7 @@ describe("flags", () => {
       flag("battery_full", "battery", 1300, "wh"),
     ];
     assert.deepEqual(sentencesOf(flags), [
-      "The car cannot follow the speed trace: power limit of the motor for 40 s and lowest battery voltage for 3 min. The forecast assumes the highest speed that the car reaches.",
+      "The car does not reach all speeds of the trip: power limit of the motor for 40 s and lowest battery voltage for 3 min. The forecast assumes the highest speed that the car reaches.",
       "The trip takes 1.23 kWh more than you have in the battery. The battery is empty before the end.",
       "The battery is too full to recover 1.30 kWh. The friction brakes take it.",
     ]);

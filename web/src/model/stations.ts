@@ -25,11 +25,9 @@ export function isSame(one: Position, other: Position): boolean {
   return metresBetween(one, other) <= SAME_M;
 }
 
-type Stopping = Record<"stops", readonly { station: Position }[]>;
-
-/** The first plan that does not charge at a place. */
-export function planWithout<T extends Stopping>(place: Position, plans: readonly T[]): T | undefined {
-  return plans.find(({ stops }) => !stops.some(({ station }) => isSame(station, place)));
+/** Whether a car with some plugs can use a station; what is not known fits. */
+export function fits({ plugs }: Pick<Station, "plugs">, own: readonly string[]): boolean {
+  return plugs.length === 0 || own.length === 0 || plugs.some(({ kind }) => own.includes(kind));
 }
 
 /** A station as a place on the way; `unnamed` is the name of one that has none. */

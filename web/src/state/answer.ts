@@ -25,6 +25,13 @@ export const chargesHere = computed(() => (chargingPlan.value?.stops[0]?.positio
 /** The stop that the plan which is shown may not reach with the reserve. */
 export const stopInDoubt = computed((): Stop | null => chargingPlan.value && riskyStop(chargingPlan.value));
 
+/** The stop whose charge is shown before that at the end: the one in doubt, or that with the least charge of all. */
+export const lowestStop = computed((): Stop | null => {
+  const { stops = [], soc_arrival: end = 0 } = chargingPlan.value ?? {};
+  const [least] = [...stops].sort((one, other) => one.soc_arrival - other.soc_arrival);
+  return stopInDoubt.value ?? (least && least.soc_arrival < end ? least : null);
+});
+
 export const answer = computed((): Answer | null => {
   if (chargingPlan.value) return answerWithStops(chargingPlan.value);
   const now = shownForecast.value;

@@ -163,11 +163,10 @@ async function exampleOfMap(): Promise<[Place, Place] | null> {
   const { settlements } = await viewMap(bounds as [number, number, number, number]);
   const [first, ...others] = settlements.slice(0, EXAMPLE_OF);
   if (!first) return null;
-  const apart = others
-    .map((other) => ({ other, metres: metresBetween(first, other) }))
-    .sort((a, b) => a.metres - b.metres);
-  const second = apart.find(({ metres }) => metres > EXAMPLE_M) ?? apart.at(-1);
-  return second ? [first, second.other] : null;
+  const farM = (other: Place) => metresBetween(first, other);
+  const apart = others.sort((one, other) => farM(one) - farM(other));
+  const second = apart.find((other) => farM(other) > EXAMPLE_M) ?? apart.at(-1);
+  return second ? [first, second] : null;
 }
 
 /** Show an example of the map, so that nobody begins with a bare one. */
@@ -182,8 +181,12 @@ async function chooseExampleOfMap(): Promise<void> {
   });
 }
 
-/** Show what a link has of a trip; false where the service does not have it. */
-async function chooseLinked({ source: from, places, distance, ...linked }: Linked): Promise<boolean> {
+/** Show a link: the car, the conditions and the trip that it has; false where the service does not have the trip. */
+export async function chooseLink({ source: from, places, distance, ...linked }: Linked): Promise<boolean> {
+  batch(() => {
+    if (linked.car) chooseFirst(linked.car, ownCars.value ?? []);
+    conditions.value = linked.conditions;
+  });
   if (from === "journey" && map.value && places) {
     batch(() => {
       source.value = "journey";
@@ -211,15 +214,6 @@ async function chooseLinked({ source: from, places, distance, ...linked }: Linke
   source.value = "examples";
   trip.value = tripFromExample(found);
   return true;
-}
-
-/** Show a link: the car, the conditions and the trip that it has. */
-export async function chooseLink(linked: Linked): Promise<boolean> {
-  batch(() => {
-    if (linked.car) chooseFirst(linked.car, ownCars.value ?? []);
-    conditions.value = linked.conditions;
-  });
-  return chooseLinked(linked);
 }
 
 async function loadExamples(): Promise<void> {

@@ -5,7 +5,7 @@ import { findReach, getMap, planJourney, viewMap } from "../api/client";
 import { Latest } from "../api/latest";
 import type { ChargingPlan, Journey, JourneyRequest, MapInfo, Place, Reach, Road } from "../api/documents";
 import { type End, type Field, metresBetween, type Point, pointAlong } from "../model/road";
-import { isSame, NO_CHOICE, placeOfStation, type StationChoice } from "../model/stations";
+import { fits, isSame, NO_CHOICE, placeOfStation, type StationChoice } from "../model/stations";
 import { car } from "./car";
 import { type Conditions, conditions, conditionsOfJourney } from "./conditions";
 import { fieldsOfCar, stopOf, type Trip, trip } from "./trip";
@@ -148,7 +148,8 @@ export async function nearestStation(from: Place, roadTo: (to: Place) => Promise
   const { latitude_deg: north, longitude_deg: east } = from;
   for (const by of [0.3, 1]) {
     const view = await viewMap([north - by, east - by, north + by, east + by]).catch(() => null);
-    const found = (view?.stations ?? []).map((of) => ({ of, farM: metresBetween(of, from) }));
+    const usable = (view?.stations ?? []).filter((one) => fits(one, journey.peek()?.plugs ?? []));
+    const found = usable.map((of) => ({ of, farM: metresBetween(of, from) }));
     const near = found.sort((one, other) => one.farM - other.farM).slice(0, 3);
     // beyond the nearest side of the area, one outside of it may be nearer
     const sideM = metresBetween({ latitude_deg: north, longitude_deg: east + by }, from);

@@ -123,9 +123,14 @@ export const en = {
       `${soc} is enough${spares ? ", with little to spare" : ". With less you have to charge on the way"}.`,
     leaveWithStops: (soc: string) => `If you can, charge to ${soc} or more first; then go with stops.`,
     leaveWithout: (soc: string) => `To drive without a stop: leave with ${soc} or more.`,
-    onlyInPause: (soc: string, now: string, chance: string) =>
-      `If you can, charge to ${soc} first: then you drive straight there and charge in the pause only. Straight there now, you would arrive with ${now}, and above the reserve in only ${chance}.`,
-    notEnough: "Even a full battery is not enough: charge on the way.",
+    chargedFirst: (soc: string) => `Or, if you can charge to ${soc} before you leave`,
+    withoutStop: (time: string) =>
+      `Drive without a charging stop: ${time} less on the way, and the reserve in 19 of 20 trips.`,
+    onlyInPause: (time: string) =>
+      `Drive straight there and charge in the pause only: ${time} less on the way.`,
+    notNow: (soc: string, left: string, chance: string) =>
+      `Do not drive straight there with ${soc}: you would arrive with ${left}, and with the reserve in only ${chance}.`,
+    notEnough: "Even a full battery is not enough without a charging stop.",
     anyCharge: (reserve: string) => `Any charge is enough to arrive with ${reserve} in 19 of 20 trips.`,
     chargeFirst: (soc: string, isLow: boolean) =>
       `If you can charge here: to ${soc} before you set out.${isLow ? " Otherwise call roadside assistance." : ""}`,
@@ -134,24 +139,20 @@ export const en = {
     outOfReach: (station: string) => `“${station}” is out of reach with this charge.`,
     tooLow: (station: string, soc: string) => `You would reach “${station}” with about ${soc}: too little.`,
     notBeyond: (station: string) => `Even after charging at “${station}” you do not arrive with the reserve.`,
-    evenFull: (full: string, chance: string, isNever: boolean) =>
-      `Even ${full} is enough in ${isNever ? "" : "only "}${chance}.`,
-    best: (action: string, chance: string) =>
-      `${action}: then ${chance} arrive, with charging stops. Set it in the conditions to see where.`,
     nearest: "The nearest charging station is",
     away: (far: string, isByRoad: boolean) => `, ${far} ${isByRoad ? "by road" : "away in a straight line"}.`,
     stationHere: "There is a charging station here:",
     chargeThere: ". Charge there before you set out.",
     callHelp: "If you cannot charge here, call roadside assistance.",
-    atMost: (speed: string) => `Drive no faster than ${speed} on motorways to arrive with the reserve.`,
-    atMostWithout: (speed: string) => `Or drive at most ${speed} on the motorway, without a charging stop.`,
+    atMost: (speed: string) => `Or drive at most ${speed} on motorways, without a charging stop.`,
     unnamedStation: "Charging station",
     driveTo: (far: string) => `Drive ${far} to “`,
     navigate: "Open in a navigation app",
     forThere: (time: string, arrival: string, leave: string, clock: string, day: string) =>
       `” and charge ${time}, from ${arrival} to ${leave}; you are there${day && ` ${day}`} at about ${clock}.`,
-    chargingTime: (time: string, isPause: boolean, power: string, least: string) =>
-      isPause ? `in the pause (${least} is enough)` : `for ${time} with about ${power}`,
+    inPause: (least: string) => `in the pause (${least} is enough)`,
+    withPower: (time: string, power: string, isLess: boolean) =>
+      `for ${time} with about ${power}${isLess ? " (the car takes no more)" : ""}`,
     chargeHere: (isOnTheWay: boolean) => `Charge ${isOnTheWay ? "there" : "here"}, at “`,
     forHere: (time: string, arrival: string, leave: string) => `”, ${time}, from ${arrival} to ${leave}.`,
     turn: (place: string, soc: string, at: string, day: string) =>
@@ -172,7 +173,8 @@ export const en = {
     here: "you are here",
     arriveThere: (range: string) => `you arrive there with ${range}`,
     reached: (chance: string) => `with the reserve in ${chance}`,
-    reachedAtAll: (chance: string, range: string) => `You get there in ${chance}, with ${range}.`,
+    reachedAtAll: (chance: string, range: string) =>
+      `You get there in ${chance}${range && `, with ${range}`}.`,
     orCall: "If that is too uncertain, call roadside assistance.",
     driveGently: "Drive slowly and switch heating and air conditioning off: both help.",
     preheat: "warm up the battery on the way there",
@@ -181,13 +183,14 @@ export const en = {
     neededBelow: (soc: string) => `only needed if you have less than ${soc} there`,
     ifFull: (station: string, arrival: string, more: string, chance: string) =>
       `If it is full: ${station}, reached with ${arrival} (${chance})${more && `, ${more}`}.`,
-    otherPlan: (plan: string) => `If it is occupied, choose the plan “${plan}” below.`,
-    noOther: "If it is occupied when you are there, wait: no other station is in reach.",
+    noOther: (safer?: string) =>
+      `If it is occupied when you are there, wait: no other station on the way is in reach.${safer ? ` With “${safer}” below there is always another one.` : ""}`,
     longer: (time: string) => `${time} longer`,
     more: (figure: string) => `${figure} more`,
     less: (figure: string) => `${figure} less`,
     roads: "Routes",
     doesNotArrive: "does not arrive",
+    below: "below the reserve",
     road: (number: number) => `Route ${number}`,
     labels: { fastest: "Fastest", shortest: "Shortest", "least energy": "Least energy" },
     low: "low consumption",
@@ -298,15 +301,14 @@ export const en = {
     otherCar: "Drive is not available: the trip was measured with another car.",
     onArrival: "Battery on arrival",
     whenBack: "Battery when back",
-    least: (soc: string, place: string) => `least on the way: ${soc} at “${place}”`,
-    atStop: (station: string) => `Battery at ${station}`,
+    atStop: (station: string) => `Lowest battery, at ${station}`,
     measured: "measured",
     range: (low: string, high: string) => `${low} to ${high}`,
     inTrips: (band: string) => `${band} in 9 of 10 trips`,
     emptyAfter: (distance: string) => `Empty after about ${distance}`,
     emptyBetween: (from: string, to: string) => ` (${from} to ${to})`,
     missing: (energy: string, range: string) => `${energy} (${range}) too little in the battery`,
-    atBest: (soc: string) => `at best ${soc} on arrival`,
+    atBest: (soc: string) => `at best ${soc}`,
     announcedEmpty: (distance: string) => `Forecast: the battery is empty after about ${distance}.`,
     energy: "Energy",
     consumption: "Consumption",
@@ -360,13 +362,12 @@ export const en = {
     thereFirst: (far: string) => `Drive ${far} to charge, then you will arrive`,
     belowReserve: "You will arrive, but perhaps below the reserve",
     stopBelow: (station: string, isLikely: boolean) =>
-      `You ${isLikely ? "will probably" : "may"} reach ${station} below your reserve`,
+      `You will arrive, but ${isLikely ? "" : "perhaps "}below your reserve at ${station}`,
     stopMissed: (station: string) => `You may not reach ${station}`,
     mostlyBelow: "You will probably arrive below the reserve",
     doNotSetOut: (far: string) => `Do not set out: the charge lasts about ${far}`,
     perhaps: "You may not arrive",
-    leavesBelow: (reserve: string, hasStops: boolean) =>
-      `You leave with less than your reserve of ${reserve}.${hasStops ? " The reserve counts only from the first charging stop on." : ""}`,
+    leavesBelow: (reserve: string) => `You leave with less than your reserve of ${reserve}.`,
     not: "You will not arrive without charging",
     probablyNot: "You will probably not arrive without charging",
     notWithStops: "Even with charging stops you will probably not arrive",
@@ -419,7 +420,7 @@ export const en = {
     title: "What helps",
     least: (chance: string) => `One of these is enough to arrive with a chance of ${chance}:`,
     leastWithoutStops: (chance: string) => `One of these gives a chance of ${chance} without a stop:`,
-    notEnough: (chance: string) => `Nothing here gives a chance of ${chance}: leave with more charge.`,
+    notEnough: (chance: string) => `None of these gives a chance of ${chance} alone.`,
     note: "Savings are more certain than the total.",
     compared: "Compared with the fastest route and plan.",
     and: ", and ",
@@ -477,10 +478,12 @@ export const en = {
       almostImpossible: "Almost impossible",
     },
     /** Appended to one of the words. */
-    withReserve: (reserve: string, hasStops: boolean) =>
-      hasStops
-        ? ` to have ${reserve} or more at each stop and at the end`
-        : ` to arrive with ${reserve} or more`,
+    withReserve: {
+      end: (reserve: string) => ` to arrive with ${reserve} or more`,
+      stops: (reserve: string) => ` to have ${reserve} or more at each stop and at the end`,
+      fromFirst: (reserve: string) =>
+        ` to reach the first stop, and to have ${reserve} or more from there on`,
+    },
     withCharge: " to arrive before the battery is empty",
     atAll: (figures: string) => `To arrive at all: ${figures}`,
     announced: (word: string) => `${word} to keep the reserve.`,
@@ -732,7 +735,7 @@ export const en = {
     differs: "Compared with the catalogue car",
     seenAt: "Measured at",
     notSeen: "not measured on your trips",
-    seen: (degrees: string) => `Measured at ${degrees}. At others, forecast as for other cars.`,
+    seen: (degrees: string) => `Measured at ${degrees}. At other temperatures, forecast as for other cars.`,
     otherFactors: each({
       one: "# more factor, not measurable yet",
       other: "# more factors, not measurable yet",

@@ -9,22 +9,28 @@ interface Props {
   chance: number;
   /** The charge that the chance is for; 0 for arriving at all. */
   reserve: number;
-  /** To arrive at all. */
   atAll: number;
-  hasStops?: boolean;
+  of?: "end" | "stops" | "fromFirst";
 }
 
-/** The chance to arrive, in words and in figures. */
-export function Chance({ verdict, chance, reserve, atAll, hasStops = false }: Props) {
+/** The chance to arrive, in words and in figures; first of the reserve, but where the car arrives and does not keep it. */
+export function Chance({ verdict, chance, reserve, atAll, of = "end" }: Props) {
   const { chance: words } = text.value;
+  const kept = reserve > 0 ? words.withReserve[of](format.value.shown(reserve, PERCENT)) : words.withCharge;
+  const keptAlone = kept.replace(/^\W*\w/, (first) => first.trim().toUpperCase()); // begins a line
+  const isBelow = reserve > 0 && chance < 0.5 && atAll >= 0.5;
   return (
     <p class={`chance chance-${verdict}`}>
       <Icon name={verdict === "good" ? "check" : "warning"} />
       <span>
-        <strong>{words.words[likelihoodOf(chance)]}</strong>
-        {reserve > 0 ? words.withReserve(format.value.shown(reserve, PERCENT), hasStops) : words.withCharge}
-        <span class="figures"> · {chanceInFigures(chance)}</span>
-        {reserve > 0 && <span class="at-all">{words.atAll(chanceInFigures(atAll))}</span>}
+        <strong>{words.words[likelihoodOf(isBelow ? atAll : chance)]}</strong>
+        {isBelow ? words.withCharge : kept}
+        <span class="figures"> · {chanceInFigures(isBelow ? atAll : chance)}</span>
+        {reserve > 0 && (
+          <span class="at-all">
+            {isBelow ? `${keptAlone}: ${chanceInFigures(chance)}` : words.atAll(chanceInFigures(atAll))}
+          </span>
+        )}
       </span>
     </p>
   );

@@ -2,7 +2,7 @@ import { useEffect, useState } from "preact/hooks";
 import { decisiveChance } from "../model/answer";
 import { emptyAfterM } from "../model/arrival";
 import { PERCENT } from "../model/units";
-import { answer, chargingPlan, isLate, isLookingForStops, stopInDoubt } from "../state/answer";
+import { answer, chargingPlan, isLate, isLookingForStops, lowestStop } from "../state/answer";
 import { source } from "../state/catalogue";
 import { shownForecast } from "../state/drive";
 import { format, text, units } from "../state/preferences";
@@ -21,7 +21,7 @@ export function Glance() {
   const of = shownForecast.value;
   const now = answer.value;
   if (!of || !now || !isHidden || isLookingForStops.value || source.value === "distance") return null;
-  const stop = stopInDoubt.value;
+  const stop = lowestStop.value;
   const emptyM = chargingPlan.value ? null : emptyAfterM(of);
   const { result, verdict } = text.value;
   const { shown } = format.value;

@@ -1,7 +1,7 @@
-import type { ChargingPlan, Journey, Road, Stop, Whole } from "../api/documents";
-import { verdictOf } from "../model/arrival";
-import { BELOW } from "../model/answer";
-import { HERE_M, planWithout } from "../model/stations";
+import type { ChargingPlan, Journey, Stop, Whole } from "../api/documents";
+import { BELOW, verdictOfAnswer } from "../model/answer";
+import { chanceAtAll, verdictOf } from "../model/arrival";
+import { HERE_M } from "../model/stations";
 import { ENERGY, PERCENT } from "../model/units";
 import { chargingPlan, halts, isOfOtherPlaces } from "../state/answer";
 import { chooseRoad } from "../state/forecast";
@@ -24,7 +24,6 @@ import {
 
 /** Smaller differences between roads are none. */
 const MIN_SHOWN_S = 30;
-const MINUTE_S = 60;
 const MIN_SHOWN_WH = 10;
 /** With a smaller chance, a road does not arrive. */
 const DOES_NOT = 0.045;
@@ -49,23 +48,28 @@ function figuresText(whole: Whole, first: Whole): string[] {
   ];
 }
 
-/** How likely a road keeps the reserve, where that is in doubt. */
-function Doubt({ chance }: { chance: number }) {
-  const { journey, result } = text.value;
-  const verdict = verdictOf(chance);
-  if (verdict === "good") return <small class="unseen">{chanceInFigures(chance)}</small>;
-  return (
-    <small class={`chance-${verdict}`}>
-      {chance < DOES_NOT ? journey.doesNotArrive : result.glanceReserve(chanceInFigures(chance))}
-    </small>
-  );
+/** How likely a road keeps the reserve, or arrives at all, where that is in doubt. */
+function Doubt({ whole: { p_arrive, p_reserve } }: { whole: Alternative[1] }) {
+  const { chance, journey, result } = text.value;
+  const verdict = verdictOfAnswer({ pArrive: p_arrive, pReserve: p_reserve });
+  if (verdict === "good") return <small class="unseen">{chanceInFigures(p_reserve)}</small>;
+  const reserve = p_reserve < 0.5 ? journey.below : result.glanceReserve(chanceInFigures(p_reserve));
+  const arrives = p_arrive < DOES_NOT ? journey.doesNotArrive : chance.atAll(chanceInFigures(p_arrive));
+  return <small class={`chance-${verdict}`}>{verdict === "open" ? reserve : arrives}</small>;
 }
 
 /** Its name, totals and length [m]. */
-type Alternative = readonly [string, Whole, number];
+type Alternative = readonly [string, Whole & { p_arrive: number }, number];
+
+interface WaysProps {
+  label: string;
+  all: Alternative[];
+  chosen: number;
+  onChoose: (index: number) => void;
+}
 
 /** Plans or roads to choose from, each once: the first with its time and energy, the others with what differs; of one that does not arrive there is nothing to gain. */
-function alternatives(all: Alternative[]) {
+function Ways({ label, all, chosen, onChoose }: WaysProps) {
   const { duration, shown } = format.value;
   const far = (wayM: number) => shown(wayM, units.value.distance, wayM < 100_000 ? 1 : 0);
   const looks = all.map(([, { charges, duration_s, soc_arrival }, wayM]) =>
@@ -77,57 +81,39 @@ function alternatives(all: Alternative[]) {
       far(wayM),
       whole.charges > 0 && text.value.journey.stops(whole.charges),
     ];
-    const label = (
+    const option = (
       <>
         <b>{name}</b>
         <small>{figures.filter(Boolean).join(" · ")}</small>
-        <Doubt chance={whole.p_reserve} />
+        <Doubt whole={whole} />
       </>
     );
-    return [k, label] as const;
+    return [k, option] as const;
   });
   const firstOf = (k: number) => looks.indexOf(looks[k] ?? "");
-  return { firstOf, options: options.filter(([k]) => firstOf(k) === k) };
+  const once = options.filter(([k]) => firstOf(k) === k);
+  return <Choice label={label} class="roads" value={firstOf(chosen)} options={once} onChoose={onChoose} />;
 }
 
-/** The roads of a journey to choose from. */
-function Roads({ of }: { of: Journey }) {
-  const { firstOf, options } = alternatives(
-    of.roads.map(({ whole, distance_m, charging }: Road, k) => {
-      const { course } = (k === 0 ? of.charging : charging) ?? {};
-      return [labelOf(of, k), whole, course?.position_m.at(-1) ?? distance_m];
-    }),
-  );
-  const { roads: label } = text.value.journey;
-  const value = firstOf(chosenRoad.value);
-  return <Choice label={label} class="roads" value={value} options={options} onChoose={chooseRoad} />;
-}
-
-/** Other plans of charging stops. */
-function Plans({ plans }: { plans: ChargingPlan[] }) {
-  const { chargingPlans: label, plans: names } = text.value.journey;
-  const { firstOf, options } = alternatives(
-    plans.map((plan) => {
-      const whole = { ...plan, charges: plan.stops.length };
-      return [names[plan.label], whole, plan.course.position_m.at(-1) ?? 0];
-    }),
-  );
-  const value = firstOf(chosenCharging.value);
-  return (
-    <Choice label={label} class="roads" value={value} options={options} onChoose={into(chosenCharging)} />
-  );
+/** A plan or a route that arrives and always has another station in reach, in words; undefined where there is none. */
+function saferText(): string | undefined {
+  const isSafe = (plan: ChargingPlan | null) =>
+    plan !== null && verdictOf(plan.p_reserve) === "good" && plan.stops.every(({ if_full }) => if_full);
+  const plan = chargingPlans.value.find(isSafe);
+  const road = journey.value?.roads.findIndex(({ charging }) => isSafe(charging)) ?? -1;
+  if (plan) return text.value.journey.plans[plan.label];
+  return road < 0 ? undefined : labelOf(journey.value as Journey, road);
 }
 
 /** What to do if a station is occupied. */
-export function occupiedText({ station, if_full: full }: Stop): string {
+export function occupiedText({ if_full: full }: Stop): string {
   const { journey: words } = text.value;
   const { duration, shown } = format.value;
-  const other = planWithout(station, chargingPlans.value);
-  if (!full) return other ? words.otherPlan(words.plans[other.label]) : words.noOther;
+  if (!full) return words.noOther(saferText());
   return words.ifFull(
     stationName(full.station),
     shown(full.soc_arrival, PERCENT),
-    full.more_s < MINUTE_S ? "" : words.longer(duration(full.more_s)),
+    full.more_s < MIN_SHOWN_S ? "" : words.longer(duration(full.more_s)),
     chanceInFigures(full.p_reach),
   );
 }
@@ -135,7 +121,7 @@ export function occupiedText({ station, if_full: full }: Stop): string {
 function StopRow({ of, isTold }: { of: Stop; isTold: boolean }) {
   const { journey: words } = text.value;
   const { shown } = format.value;
-  const time = chargingText(of);
+  const time = chargingText(of, true);
   const [low, high] = of.soc_interval;
   const [at, day] = clockAfter(of.arrives_after_s);
   return (
@@ -174,12 +160,30 @@ export function JourneyAnswer() {
   const plans = chargingPlans.value;
   const { journey: words } = text.value;
   const isOld = answersAreOld.value || isOfOtherPlaces.value;
-  const roads = of.roads.length > 1 && <Roads of={of} />;
+  const allRoads = of.roads.map(({ whole, distance_m, charging: other, forecast }, k): Alternative => {
+    const charging = k === 0 ? of.charging : other;
+    const p_arrive = charging?.p_arrive ?? chanceAtAll(forecast);
+    return [labelOf(of, k), { ...whole, p_arrive }, charging?.course.position_m.at(-1) ?? distance_m];
+  });
+  const roads = of.roads.length > 1 && (
+    <Ways label={words.roads} all={allRoads} chosen={chosenRoad.value} onChoose={chooseRoad} />
+  );
+  const allPlans = plans.map((one): Alternative => {
+    const whole = { ...one, charges: one.stops.length };
+    return [words.plans[one.label], whole, one.course.position_m.at(-1) ?? 0];
+  });
   if (plans.length === 0 && !roads) return null;
   return (
     <section class={`card choices${isOld ? " old" : ""}`} aria-labelledby="choices-title" aria-busy={isOld}>
       <h2 id="choices-title">{plans.length > 0 ? words.chargingStops : words.roads}</h2>
-      {plan && plans.length > 1 && <Plans plans={plans} />}
+      {plans.length > 1 && (
+        <Ways
+          label={words.chargingPlans}
+          all={allPlans}
+          chosen={chosenCharging.value}
+          onChoose={into(chosenCharging)}
+        />
+      )}
       {plan && (
         <ol class="stops">
           {halts.value.map((one, k) =>

@@ -275,14 +275,13 @@ function Legend() {
   ];
   return (
     <ul class="legend" aria-hidden="true">
-      {keys.map(
-        ([isThere, kind, name]) =>
-          isThere && (
-            <li key={kind} class={kind}>
-              {name}
-            </li>
-          ),
-      )}
+      {keys
+        .filter(([isThere]) => isThere)
+        .map(([, kind, name]) => (
+          <li key={kind} class={kind}>
+            {name}
+          </li>
+        ))}
     </ul>
   );
 }

@@ -125,11 +125,5 @@ function Kind({ of, fields }: { of: KindReading; fields: LogsReading["fields"] }
 }
 
 export function OwnCarKinds({ of }: { of: LogsReading }) {
-  return (
-    <>
-      {of.kinds.map((kind) => (
-        <Kind key={kind.number} of={kind} fields={of.fields} />
-      ))}
-    </>
-  );
+  return of.kinds.map((kind) => <Kind key={kind.number} of={kind} fields={of.fields} />);
 }

@@ -70,17 +70,12 @@ function loadingText(): string {
 
 /** Assumptions made when the trip was read. */
 function Notes({ of }: { of: Trip }) {
-  const notes = warningsOf(of.notes, wording.value);
-  return (
-    <>
-      {notes.map(({ text: note, isRaw }) => (
-        <span key={note}>
-          {" · "}
-          {isRaw ? <Said of={note} /> : note}
-        </span>
-      ))}
-    </>
-  );
+  return warningsOf(of.notes, wording.value).map(({ text: note, isRaw }) => (
+    <span key={note}>
+      {" · "}
+      {isRaw ? <Said of={note} /> : note}
+    </span>
+  ));
 }
 
 function Upload() {

@@ -1,8 +1,8 @@
 /** The first thing that a driver reads: whether the trip arrives, with what, when, and what to do. */
 
 import { computed } from "@preact/signals";
-import { getCar } from "../api/client";
-import type { ChargingPlan, Forecast, OwnCarSummary, Place, Road, Station, Stop } from "../api/documents";
+import { Fragment } from "preact";
+import type { ChargingPlan, Forecast, Place, Station, Stop } from "../api/documents";
 import { type Answer, BELOW, decisiveChance, verdictOfAnswer } from "../model/answer";
 import {
   arrivalBand,
@@ -12,13 +12,13 @@ import {
   socFromEnergy,
   type Verdict,
 } from "../model/arrival";
-import { isBetter, seenIn } from "../model/diary";
+import { isBetter } from "../model/diary";
 import { warningsOf } from "../model/flags";
 import { HERE_M, STATION_KIND } from "../model/stations";
 import { ENERGY, PERCENT } from "../model/units";
 import { source } from "../state/catalogue";
 import { car } from "../state/car";
-import { type Conditions, conditions } from "../state/conditions";
+import { conditions } from "../state/conditions";
 import {
   answer,
   chargesHere,
@@ -28,10 +28,10 @@ import {
   isLate,
   isLookingForStops,
   isOfOtherPlaces,
+  lowestStop,
   stopInDoubt,
   turn,
 } from "../state/answer";
-import { advice } from "../state/advice";
 import { arrived, driving, shownForecast } from "../state/drive";
 import { alternative, leaving, leavingIsOld, mode, problem, requested } from "../state/forecast";
 import {
@@ -46,7 +46,6 @@ import {
 import { ownCars } from "../state/own-cars";
 import { format, text, units, wording } from "../state/preferences";
 import { journeyRequest, type Trip, trip } from "../state/trip";
-import { togetherText } from "./advice";
 import { Chance } from "./chance";
 import { Climb } from "./climb";
 import { CompareLine } from "./compare";
@@ -58,7 +57,6 @@ import { ShareTools } from "./share";
 import { Warnings } from "./warnings";
 import {
   chanceInFigures,
-  chargerParts,
   chargingText,
   clockAfter,
   clockParts,
@@ -127,7 +125,7 @@ function sentence(now: Answer): string {
   const stop = stopInDoubt.value;
   if (stop && now.pArrive >= 0.5) {
     const name = stationName(stop.station);
-    return isBelow && stop === first ? words.stopMissed(name) : words.stopBelow(name, stop.p_reach < 0.5);
+    return now.pArrive < OPEN[1] ? words.stopMissed(name) : words.stopBelow(name, stop.p_reach < 0.5);
   }
   if (now.pArrive >= OPEN[1]) return words.belowReserve;
   if (decisiveChance(now) >= PROBABLE) return probably;
@@ -204,8 +202,7 @@ function reasonText(): string | null {
   const reason = reasonOfJourney();
   if (reason === HEIGHTS) return text.value.verdict.unknownHeights;
   if (reason !== BELOW || chargesHere.value) return null; // who charges first leaves with more
-  const reserve = format.value.shown(requested.value.at.reserve, PERCENT);
-  return text.value.verdict.leavesBelow(reserve, chargingPlan.value !== null);
+  return text.value.verdict.leavesBelow(format.value.shown(requested.value.at.reserve, PERCENT));
 }
 
 function Headline({ of, now }: { of: Forecast; now: Answer }) {
@@ -213,25 +210,19 @@ function Headline({ of, now }: { of: Forecast; now: Answer }) {
   const measured = driving.value && arrived.value;
   const { result } = text.value;
   const { figure, shown } = format.value;
-  const { reserve } = requested.value.at;
   const onArrival = turn.value ? result.whenBack : result.onArrival;
-  const stop = stopInDoubt.value;
-  const least = chargingPlan.value?.stops.reduce((a, b) => (b.soc_arrival < a.soc_arrival ? b : a));
-  const aside = stop
-    ? `${onArrival}: ${shown(now.soc, PERCENT)} (${rangeWithUnit(now.interval, PERCENT)})`
-    : least &&
-      least.soc_arrival < now.soc &&
-      result.least(shown(least.soc_arrival, PERCENT), stationName(least.station));
+  const stop = lowestStop.value;
+  const aside = stop && `${onArrival}: ${shown(now.soc, PERCENT)} (${rangeWithUnit(now.interval, PERCENT)})`;
   const label = stop ? result.atStop(stationName(stop.station)) : onArrival;
-  const interval = rangeWithUnit(stop?.soc_interval ?? now.interval, PERCENT);
-  const detail = measured ? result.measured : result.inTrips(interval);
+  const interval = bandText(stop?.soc_interval ?? now.interval);
+  const detail = measured ? result.measured : interval && result.inTrips(interval);
   const chance = !measured && (
     <Chance
       verdict={shownVerdict(now)}
       chance={decisiveChance(now)}
-      reserve={now.pReserve === null ? 0 : reserve}
+      reserve={now.pReserve === null ? 0 : requested.value.at.reserve}
       atAll={now.pArrive}
-      hasStops={now.charges > 0}
+      of={now.charges === 0 ? "end" : reasonOfJourney() === BELOW ? "fromFirst" : "stops"}
     />
   );
   if (isStuck.value && emptyM !== null) return <div class="headline">{chance}</div>;
@@ -254,7 +245,7 @@ function Headline({ of, now }: { of: Forecast; now: Answer }) {
 }
 
 /** The charge to leave with in words, rounded up, with what is then expected on arrival. */
-function leaveText(needed: number, of: Forecast, isLow: boolean): string {
+function leaveText(needed: number, of: Forecast): string {
   const { shown } = format.value;
   const { journey: words } = text.value;
   const left = shown(requested.value.at.reserve, PERCENT);
@@ -263,7 +254,7 @@ function leaveText(needed: number, of: Forecast, isLow: boolean): string {
   if (needed <= 0) return words.anyCharge(left);
   const full = shown(1, PERCENT);
   const least = upwards(needed) === full ? full : words.orMore(upwards(needed));
-  if (isStuck.value) return words.chargeFirst(least, isLow);
+  if (isStuck.value) return words.chargeFirst(least, isLow.value);
   const isAll = upwards(needed) === upwards(now);
   if (isAll || (needed < now && now - needed < FEW_SOC)) return words.justEnough(upwards(now), !isAll);
   const expected = shown(Math.max(needed - now + socFromEnergy(of, of.energy_wh), 0), PERCENT);
@@ -273,12 +264,25 @@ function leaveText(needed: number, of: Forecast, isLow: boolean): string {
 /** Whether the trip does not arrive, and no charging stop helps. */
 const isStuck = computed(() => {
   const now = answer.value;
-  return now !== null && trip.value?.stops != null && now.charges === 0 && verdictOfAnswer(now) === "bad";
+  return now !== null && trip.value?.stops != null && now.charges === 0 && decisiveChance(now) < 0.5;
+});
+
+/** Whether the car leaves now with so little that it is not asked to leave with more. */
+const isLow = computed(() => {
+  const { reserve, soc, departsAt } = conditions.value;
+  return departsAt === null && soc < Math.max(reserve, LOW_SOC);
 });
 
 /** A distance to drive. */
 function farText(farM: number): string {
   return format.value.shown(farM, units.value.distance, farM < NEAR_M ? 1 : 0);
+}
+
+/** A 90 % interval of a charge; only its upper end where the battery may be empty before, and nothing where it is. */
+function bandText([low = 0, high = low]: readonly number[]): string {
+  if (high < SHOWN_SOC) return "";
+  if (low < SHOWN_SOC) return text.value.result.atBest(format.value.shown(high, PERCENT));
+  return rangeWithUnit([low, high], PERCENT);
 }
 
 /** The name of a station, for an app that leads there. */
@@ -308,37 +312,31 @@ function StopText({ of, fromM }: { of: Stop; fromM: number }) {
   );
 }
 
-/** What has to be known of the first stop besides. */
-function FirstStop({ of }: { of: Stop }) {
+/** What has to be known of the first stop besides, each as an item of the list. */
+function FirstStop({ of, chance }: { of: Stop; chance: number }) {
   const { journey: words } = text.value;
-  const occupied = !of.if_full && occupiedText(of); // another station stands in the list of stops
-  if (reasonOfJourney() !== BELOW) return occupied && ` ${occupied}`;
-  const charger = chargerParts(of.station).join(", ");
-  const isRisky = of.p_reach < OPEN[1];
-  const reached = words.reachedAtAll(chanceInFigures(of.p_reach), rangeWithUnit(of.soc_interval, PERCENT));
+  const isBelow = reasonOfJourney() === BELOW;
+  const reached = words.reachedAtAll(chanceInFigures(of.p_reach), bandText(of.soc_interval));
   const texts = [
-    of.position_m >= HERE_M && reached,
-    charger && `${charger}.`,
-    isRisky && words.driveGently,
-    isRisky && words.orCall,
-    occupied,
+    isBelow && of.position_m >= HERE_M && reached,
+    of.p_reach < OPEN[1] && words.driveGently,
+    Math.max(of.p_reach, chance) < OPEN[1] && words.orCall,
+    !of.if_full && occupiedText(of), // another station stands in the list of stops
   ];
-  return ` ${texts.filter(Boolean).join(" ")}`;
+  return texts.map((one) => one && <li key={one}>{one}</li>);
 }
 
 /** Where the journey halts, each as an item of the list. */
 function Halts({ plan }: { plan: ChargingPlan | null }) {
   return halts.value.map((one, k) => (
-    <li key={k}>
-      {"station" in one ? <StopText of={one} fromM={halts.value[k - 1]?.position_m ?? 0} /> : turnText(one)}
-      {plan && one === plan.stops[0] && <FirstStop of={one} />}
-    </li>
+    <Fragment key={k}>
+      <li>
+        {"station" in one ? <StopText of={one} fromM={halts.value[k - 1]?.position_m ?? 0} /> : turnText(one)}
+      </li>
+      {plan && one === plan.stops[0] && <FirstStop of={one} chance={plan.p_arrive} />}
+    </Fragment>
   ));
 }
-
-/** The road of a journey by the quick answer, if there is one. */
-const quickRoad = async (of: Trip, at: Conditions): Promise<Road | undefined> =>
-  (await askJourney(journeyRequest(of, at, car.value), false).catch(() => null))?.roads[0];
 
 /** That no charging stop helps: of the station that the driver chose, why. */
 function noHelpText({ stops }: Trip): string {
@@ -352,50 +350,62 @@ function noHelpText({ stops }: Trip): string {
   return words.tooLow(name, format.value.shown(soc, PERCENT));
 }
 
-/** That no charging stop helps, which station is the nearest, and how far a full battery helps where it `isShort`. */
-function NoStop({ of, from, isShort }: { of: Trip; from: Place; isShort: boolean }) {
+/** That no charging stop helps, and which station is the nearest. */
+function NoStop({ of, from }: { of: Trip; from: Place }) {
   const at = conditions.value;
-  const roadTo = (to: Place) => quickRoad({ ...of, stops: [from, { ...to, kind: "" }], pauseS: null }, at);
+  const roadTo = async (to: Place) => {
+    const there = { ...of, stops: [from, { ...to, kind: "" }], pauseS: null };
+    return (await askJourney(journeyRequest(there, at, car.value), false).catch(() => null))?.roads[0];
+  };
   const asked = JSON.stringify(journeyRequest(of, at, car.value));
   const nearest = useAsked(() => nearestStation(from, roadTo), [asked]);
   const isHere = nearest !== null && nearest.farM < HEREABOUTS_M;
   const way = isHere ? undefined : nearest?.way;
-  const askFull = async () => (isShort && (await quickRoad(of, { ...at, soc: 1 }))) || null;
-  const full = useAsked(askFull, [isShort, asked]);
-  const chance = full ? chanceOf(full.forecast, conditions.value.reserve) : null;
   const { journey: words } = text.value;
+  const reached =
+    way &&
+    words.reachedAtAll(chanceInFigures(chanceAtAll(way.forecast)), bandText(arrivalBand(way.forecast)));
   return (
     <>
       {noHelpText(of)}{" "}
       {nearest && (
         <>
           {isHere ? words.stationHere : words.nearest} <StationLink of={nearest.of} />
-          {isHere ? words.chargeThere : words.away(farText(way?.distance_m ?? nearest.farM), !!way)}{" "}
+          {isHere ? words.chargeThere : words.away(farText(way?.distance_m ?? nearest.farM), !!way)} {reached}
         </>
       )}
-      {way &&
-        `${words.reachedAtAll(
-          chanceInFigures(chanceAtAll(way.forecast)),
-          rangeWithUnit(arrivalBand(way.forecast), PERCENT),
-        )} `}
-      {chance !== null &&
-        words.evenFull(format.value.shown(1, PERCENT), chanceInFigures(chance), chance < 0.01)}
     </>
   );
 }
 
-/** The charge to leave with so that the car charges in the pause alone, where it now stops before. */
-function OnlyInPause({ of, plan }: { of: Trip; plan: ChargingPlan }) {
-  const before = plan.stops.findIndex(({ pause_s }) => pause_s > 0);
+/** The charge to leave with for a plan with fewer stops: for none, or for those in the pause alone where the car now stops before. */
+function ChargedFirst({ of, plan, needed }: { of: Trip; plan: ChargingPlan; needed: number | undefined }) {
+  const pausing = plan.stops.findIndex(({ pause_s }) => pause_s > 0);
   const body = journeyRequest({ ...of, pauseS: null }, conditions.value, car.value);
-  const ask = async () => (before > 0 ? askJourney(body, false) : null);
-  const out = useAsked(ask, [before, JSON.stringify(body)]);
-  const forecast = out?.roads[0]?.forecast;
-  const needed = (out?.soc_needed ?? 2) + 0.01; // the way back has its risk, too
-  if (!forecast || before <= 0 || needed > 1) return null;
-  const chance = chanceInFigures(chanceOf(forecast, conditions.value.reserve) ?? 0);
-  const now = format.value.shown(forecast.soc_arrival, PERCENT);
-  return <li>{text.value.journey.onlyInPause(upwards(needed), now, chance)}</li>;
+  const ask = async () => (pausing > 0 ? askJourney(body, false) : null);
+  const there = useAsked(ask, [pausing, JSON.stringify(body)]);
+  const forecast = there?.roads[0]?.forecast;
+  const least = forecast && there ? there.soc_needed + 0.01 : pausing < 0 ? needed : undefined; // the way back has its risk, too
+  const alone = journey.value?.roads[chosenRoad.value];
+  const { soc, reserve } = conditions.value;
+  if (least === undefined || least > 1 || least <= soc || !alone) return null;
+  const { journey: words } = text.value;
+  const { duration, shown } = format.value;
+  const lessS = plan.driving_s + plan.charging_s - alone.duration_s;
+  const chance = chanceInFigures((forecast && chanceOf(forecast, reserve)) ?? 0);
+  return (
+    <>
+      {forecast && (
+        <ul>
+          <li>{words.notNow(shown(soc, PERCENT), shown(forecast.soc_arrival, PERCENT), chance)}</li>
+        </ul>
+      )}
+      <h3>{words.chargedFirst(upwards(least))}</h3>
+      <ul>
+        <li>{words[forecast ? "onlyInPause" : "withoutStop"](duration(lessS))}</li>
+      </ul>
+    </>
+  );
 }
 
 /** What to do. */
@@ -406,52 +416,30 @@ function ToDo({ of }: { of: Forecast }) {
   const needed = isJourney ? (chosenRoad.value === 0 ? ofFirst : undefined) : leaving.value?.soc_needed;
   const withStops = (isJourney && chosenRoad.value === 0 && journey.value?.soc_needed_with_stops) || 2;
   const plan = chargingPlan.value;
-  if ((needed === undefined && !plan && !isStuck.value) || driving.value || mode.value !== "plan")
-    return null;
+  const isKnown = needed !== undefined || plan || isStuck.value;
+  if (!isKnown || driving.value || mode.value !== "plan") return null;
   const isOld = isJourney ? answersAreOld.value : leavingIsOld.value;
   const { journey: words } = text.value;
-  const { reserve, soc, departsAt } = conditions.value;
-  const isLow = departsAt === null && soc < Math.max(reserve, LOW_SOC);
-  const pausesAtStation = plan?.stops.some(({ pause_s }) => pause_s > 0) ?? false;
-  const stopsHelp = withStops <= 1 && withStops < (needed ?? 2) && !(plan && isLow);
-  const leaves =
-    needed !== undefined &&
-    (!plan || (needed <= 1 && needed > soc && !isLow && !pausesAtStation)) &&
-    !(isStuck.value && needed > 1);
-  const helps = advice.value?.singly.filter(({ whole }) => isStuck.value && whole && whole.charges > 0) ?? [];
-  const [best] = helps.sort((one, other) => other.p_arrive - one.p_arrive);
+  const stopsHelp = withStops <= 1 && withStops < (needed ?? 2);
+  const leaves = needed !== undefined && !plan;
   const texts = [
-    stopsHelp && words.leaveWithStops(upwards(withStops)),
-    isStuck.value && isLow && (!leaves || stopsHelp) && words.callHelp,
-    leaves && (plan || stopsHelp ? words.leaveWithout(upwards(needed)) : leaveText(needed, of, isLow)),
-    isStuck.value && trip.value?.stops?.[0] && (
-      <NoStop of={trip.value} from={trip.value.stops[0]} isShort={(needed ?? 0) > 1} />
-    ),
-    best?.whole && words.best(togetherText(best), chanceInFigures(best.whole.p_reserve)),
+    isStuck.value && isLow.value && ((needed ?? 2) > 1 || stopsHelp) && words.callHelp,
+    leaves && (stopsHelp ? words.leaveWithout(upwards(needed)) : leaveText(needed, of)),
+    isStuck.value && trip.value?.stops?.[0] && <NoStop of={trip.value} from={trip.value.stops[0]} />,
     needed !== undefined &&
       isJourney &&
       !!speed &&
-      (plan ? words.atMostWithout : words.atMost)(format.value.shown(speed, units.value.speed, 0)),
+      words.atMost(format.value.shown(speed, units.value.speed, 0)),
   ];
   return (
-    <ul class={`journey-answer todo${isOld ? " old" : ""}`} aria-busy={isOld}>
-      {plan && trip.value && <OnlyInPause of={trip.value} plan={plan} />}
-      {(plan || emptyAfterM(of) === null) && <Halts plan={plan} />}
-      {texts.map((one, k) => one && <li key={k}>{one}</li>)}
-    </ul>
-  );
-}
-
-/** The outside temperatures of the car's trips, where that of the departure is another one. */
-function Unseen({ by: { name, label, in_diary } }: { by: OwnCarSummary }) {
-  const own = useAsked(() => getCar(name), [name, in_diary]);
-  const seen = own && seenIn(own.learned);
-  const { ambient_temperature_degc: degc, weatherOfHour } = conditions.value;
-  if (!seen || weatherOfHour || (seen[0] <= degc && degc <= seen[1])) return null;
-  return (
-    <p class="note">
-      {label}: {text.value.ownCars.seen(rangeWithUnit(seen, units.value.temperature))}
-    </p>
+    <div class={`journey-answer todo${isOld ? " old" : ""}`} aria-busy={isOld}>
+      <ul>
+        {stopsHelp && <li>{words.leaveWithStops(upwards(withStops))}</li>}
+        {(plan || emptyAfterM(of) === null) && <Halts plan={plan} />}
+        {texts.map((one, k) => one && <li key={k}>{one}</li>)}
+      </ul>
+      {plan && trip.value && !isLow.value && <ChargedFirst of={trip.value} plan={plan} needed={needed} />}
+    </div>
   );
 }
 
@@ -468,8 +456,7 @@ function HowSure({ of, now }: { of: Forecast; now: Answer }) {
   const own = ownCars.value?.find(({ name }) => name === car.value?.own);
   return (
     <>
-      {isOpen && <Warnings flags={flags} others={others} serious />}
-      {own && <Unseen by={own} />}
+      {isOpen && reasonOfJourney() !== BELOW && <Warnings flags={flags} others={others} serious />}
       <details class="sure">
         <summary>
           <b>{words.sure}</b>
@@ -493,15 +480,11 @@ function FarTexts() {
   const flags = (journey.value?.flags ?? []).filter(({ code }) => code === FAR);
   const now = roadPoints.value ? warningsOf(flags, wording.value).map((warning) => warning.text) : [];
   if (!trip.value?.isDraft) farTexts = now;
-  return (
-    <>
-      {farTexts.map((one) => (
-        <p key={one} class="off-road">
-          {one}
-        </p>
-      ))}
-    </>
-  );
+  return farTexts.map((one) => (
+    <p key={one} class="off-road">
+      {one}
+    </p>
+  ));
 }
 
 /** The verdict of the page's trip, or what a distance needs. */
@@ -516,7 +499,8 @@ export function VerdictCard() {
   const isCompared = mode.value === "compare" && alternative.value !== null;
   const isSettled = !isOther && !isLate.value && !isLookingForStops.value;
   const toDo = shown && !isOther && !isLookingForStops.value && <ToDo of={of} />;
-  const actsFirst = reasonOfJourney() === BELOW; // with so little, what to do comes before the figures
+  // with so little, what to do comes before the figures
+  const actsFirst = reasonOfJourney() === BELOW || (isLow.value && verdict !== "good");
   const said = isDistance ? needSentence() : shown && !isCompared && !isOther ? sentence(now) : words.title;
   return (
     <section

@@ -55,11 +55,14 @@ export function chargerParts({ plug, power_w, power_known }: Station): string[] 
   return [names[plug] ?? "", power_w > 0 ? format.value.shown(power_w, POWER) + assumed : ""].filter(Boolean);
 }
 
-/** How long a car charges at a stop, and with which mean power. */
-export function chargingText({ charging_s, energy_wh, pause_s, needed_below: least }: Stop): string {
-  const power = format.value.shown(energy_wh / HOURS.from(charging_s), POWER);
-  const { chargingTime } = text.value.journey;
-  return chargingTime(format.value.span(charging_s), pause_s > 0, power, upwards(least));
+/** How long a car charges at a stop, and with which mean power; `explains` says why that is far below the station's. */
+export function chargingText(of: Stop, explains = false): string {
+  const { charging_s, energy_wh, pause_s, needed_below: least, station } = of;
+  const meanW = energy_wh / HOURS.from(charging_s);
+  const power = format.value.shown(meanW, POWER);
+  const { inPause, withPower } = text.value.journey;
+  if (pause_s > 0) return inPause(upwards(least));
+  return withPower(format.value.span(charging_s), power, explains && meanW < 0.8 * station.power_w);
 }
 
 /** A clock time, and its day where that is not the day of `from`. */
