@@ -201,10 +201,9 @@ def _solve(problem: Problem) -> Solution | None:
         start = start if fitted is None else fitted.rho
         return math.inf if fitted is None else fitted.score
 
-    low, high = np.arctanh(AR1_BOUNDS)
     # the outer search over loadings needs a smooth score; for this reason warm starts are not used there either
     xatol = 1e-8 if stack.n_loadings else 1e-4
-    best = minimize_scalar(score, bounds=(low, high), method="bounded", options={"xatol": xatol})
+    best = minimize_scalar(score, bounds=np.arctanh(AR1_BOUNDS), method="bounded", options={"xatol": xatol})
     return _fit_at(problem, float(np.tanh(best.x)))
 
 
@@ -231,36 +230,40 @@ def solve(problem: Problem, where: str) -> Solution:
 
 def _search_loadings(problem: Problem) -> Solution | None:
     """Find the loadings of correlated effects with the best REML score; return None if no fit succeeds there."""
+    settings, stack = problem.settings, problem.stack
 
-    def fit_at(loadings: FloatArray) -> Solution | None:
-        return _solve(replace(problem, stack=problem.stack.loaded(loadings)))
+    def fit_at(loadings: FloatArray, settings: FitSettings) -> tuple[float, Solution | None]:
+        fitted = _solve(replace(problem, stack=stack.loaded(loadings), settings=settings))
+        return math.inf if fitted is None else fitted.score, fitted
 
-    def score(loadings: FloatArray) -> float:
-        fitted = fit_at(loadings)
-        return math.inf if fitted is None else fitted.score
-
-    def gradient(loadings: FloatArray) -> FloatArray:
-        return central_differences(score, loadings, LOADING_STEP)
-
-    def parameters(loadings: FloatArray) -> FloatArray:
-        fitted = fit_at(loadings)
+    def scored(loadings: FloatArray) -> tuple[float, FloatArray, FloatArray]:
+        """Score, its gradient in the loadings, and the other parameters of the best fit at given loadings."""
+        score, fitted = fit_at(loadings, settings)
         if fitted is None:
-            return np.full(len(end.hessian), math.nan)
-        return np.append(fitted.rho, fitted.theta[problem.settings.family.free])[: len(end.hessian)]
+            size = stack.size + int(settings.family.free.sum())
+            return score, np.full(len(loadings), math.nan), np.full(size, math.nan)
+        # the rest is best there: to first order, the score moves as if the rest stayed
+        held = replace(settings, rho=fitted.rho, ar1_rho=getattr(fitted.white, "rho", None))
 
-    start = np.zeros(problem.stack.n_loadings)
-    best = minimize(score, start, jac=gradient, method="BFGS", options={"gtol": 1e-4})
-    solution = fit_at(best.x)
+        def slope(step: float) -> FloatArray:
+            return central_differences(lambda x: fit_at(x, held)[0], loadings, step)
+
+        # without the error of the second order, which is larger than that of a fit
+        gradient = (4 * slope(LOADING_STEP) - slope(2 * LOADING_STEP)) / 3
+        return score, gradient, np.append(fitted.rho, fitted.theta[settings.family.free])
+
+    q, options = stack.n_loadings, {"gtol": 1e-4}
+    best = minimize(lambda x: scored(x)[:2], np.zeros(q), jac=True, method="BFGS", options=options)
+    _, solution = fit_at(best.x, settings)
     if solution is None:
         return None
     flat = float(np.abs(best.jac).max()) < MAX_GRADIENT
     end = solution.end._replace(converged=solution.end.converged and flat)
     # the Hessian is that at the autocorrelation found
-    known = None if solution.white is None else solution.white.rho
-    problem = replace(problem, settings=replace(problem.settings, ar1_rho=known))
-    if len(end.hessian):
-        slopes = central_differences(parameters, best.x, LOADING_STEP)
-        curvature = central_differences(gradient, best.x, LOADING_STEP)
+    settings = replace(settings, ar1_rho=getattr(solution.white, "rho", None))
+    if m := len(end.hessian):
+        moves = central_differences(lambda x: np.concatenate(scored(x)[1:]), best.x, LOADING_STEP)
+        curvature, slopes, _ = np.split(moves, [q, q + m], axis=1)
         end = end._replace(hessian=_joint_hessian(end.hessian, slopes.T, curvature))
     return replace(solution, loadings=best.x, end=end)
 
