@@ -1,5 +1,6 @@
 """Where tests find the real data; everything that needs it skips with a reason where it is missing."""
 
+import gc
 import os
 from collections.abc import Callable, Iterator
 from functools import cache, partial
@@ -14,6 +15,8 @@ from tests.support import ROOT
 from tests.support.once import made_once, shared_folder
 
 from tripwatt.sources import tum, ved
+
+gc.disable()  # until the end of the collection: what is imported stays, and would be looked through again and again
 
 settings.register_profile("gate", derandomize=True, deadline=None)  # no test asserts a time
 settings.register_profile("search", deadline=None)
@@ -37,6 +40,11 @@ LONGEST = (
     "project/test_types.py",
 )
 """Modules that take half a minute or more. They begin first, so that no worker is left alone with one of them at the end."""
+
+
+def pytest_collection_finish() -> None:
+    gc.freeze()
+    gc.enable()
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
