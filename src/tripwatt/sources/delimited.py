@@ -328,7 +328,7 @@ def cells_of(line: str | bytes, delimiter: str) -> list[str]:
 def read_texts(source: Delimited, wanted: Sequence[int]) -> list[list[str]]:
     """Read the columns at the given positions of the header as texts without outer blanks; the rows have to be even. O(bytes)."""
     table = _parsed(source, wanted, dtype=object, na_filter=False)
-    return [[decode(cell.encode("latin-1")).strip() for cell in table[i]] for i in wanted]
+    return [[(c if c.isascii() else decode(c.encode("latin-1"))).strip() for c in table[i]] for i in wanted]
 
 
 def read_numbers(
@@ -365,7 +365,8 @@ def read_numbers(
         pass
     columns, faults = [], list[Fault]()
     for position, cells in zip(wanted, read_texts(source, wanted), strict=True):
-        cells = [_SPACE_IN_NUMBER.sub("", cell) for cell in cells]
+        if _SPACE_IN_NUMBER.search("\n".join(cells)):
+            cells = [_SPACE_IN_NUMBER.sub("", cell) for cell in cells]
         separator = group_separator(cells, lambda: _decimals(source))
         where = f"{source.path} row {{}} column {source.names[position]!r}"
         if separator is None:
@@ -397,15 +398,12 @@ def numbers_of(cells: Sequence[str], decimal: str) -> tuple[FloatArray, list[int
 
     A number with a decimal comma that is not the separator has a value and is listed as well.
     """
-    values, bad = np.full(len(cells), np.nan), []
-    for i, cell in enumerate(cells):
-        text = cell.strip('"').strip()
-        if text in NULL_TEXTS:
-            continue
-        values[i] = number_in(text.replace(decimal, "."))
-        if not abs(values[i]) <= LARGEST_NUMBER:
-            bad.append(i)
-            values[i] = number_in(text.replace(",", ".")) if _DECIMAL_COMMA.fullmatch(text) else np.nan
+    texts = [cell.strip('"').strip() for cell in cells]
+    values = np.array([number_in(text.replace(decimal, ".")) for text in texts])
+    unread = np.flatnonzero(~(np.abs(values) <= LARGEST_NUMBER)).tolist()
+    bad = [i for i in unread if texts[i] not in NULL_TEXTS]
+    for i in bad:
+        values[i] = number_in(texts[i].replace(",", ".")) if _DECIMAL_COMMA.fullmatch(texts[i]) else np.nan
     return values, bad
 
 
