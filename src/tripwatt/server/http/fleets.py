@@ -10,9 +10,7 @@ from typing import Annotated, Any, TypeVar
 from pydantic import AwareDatetime, Field, WrapValidator
 
 from tripwatt.errors import Check, InvalidInput, places_within, require_one
-from tripwatt.fleet.charging import Depot, Night
 from tripwatt.fleet.model import FleetModel
-from tripwatt.fleet.nights import PlannedTrip, needs_by_hour
 from tripwatt.fleet.registry import FollowedModel, Registry
 from tripwatt.forecasting import ForecastModel, load_metadata
 from tripwatt.roads.advice.preheating import PLUG_W
@@ -83,8 +81,10 @@ class PlannedTripRequest(schemas.RoadRequest, schemas.TripRequest):
     driver: str | None = Field(None, max_length=100)
     """who drives"""
 
-    def planned(self, number: int, limits: Limits) -> PlannedTrip:
+    def planned(self, number: int, limits: Limits) -> Any:
         """Return the planned trip; `number` is its position in the request, from 0."""
+        from tripwatt.fleet.nights import PlannedTrip  # scipy is slow to import
+
         road: Any = self.samples if self.links is None else self.links
         require_one("distance_km, links", self.distance_km, road)
         road = self.distance_km if road is None else self.plan(limits)
@@ -92,7 +92,7 @@ class PlannedTripRequest(schemas.RoadRequest, schemas.TripRequest):
         return PlannedTrip(self.trip, self.car, self.departs_at, road, self.kind, *known)
 
 
-def _planned(row: Any, number: int, jobs: Any) -> PlannedTrip:
+def _planned(row: Any, number: int, jobs: Any) -> Any:
     with places_within(f"trips[{number}]."):
         return schemas.check_request(row, PlannedTripRequest, jobs).planned(number, jobs.limits)
 
@@ -205,15 +205,17 @@ def night(jobs: Any, request: NightRequest) -> dict[str, Any]:
     InvalidInput
         When there is no such fleet.
     """
+    from tripwatt.fleet import charging, nights  # scipy is slow to import
+
     model = fleet_named(jobs.fleets, request.model).get()
     check = Check()
     planned = [check(_planned, row, number, jobs) for number, row in enumerate(request.trips)]
     trips, refused = [trip for trip in planned if trip is not None], [*check.faults]
     asked = request.model_dump(include={"probability", "reserve"})
-    needs = needs_by_hour(model, trips, **asked, refused=refused)
+    needs = nights.needs_by_hour(model, trips, **asked, refused=refused)
     begins = request.begins_at or dt.datetime.now(dt.UTC)
-    depot = Depot(begins, request.plug_w, request.grid_w, request.tariff)
-    document = Night(needs, depot, request.probability).document
+    depot = charging.Depot(begins, request.plug_w, request.grid_w, request.tariff)
+    document = charging.Night(needs, depot, request.probability).document
     faults = [{**fault.texts, "where": fault.where.replace("vehicle_id", "car")} for fault in refused]
     rows = [{"car": row.pop("vehicle_id"), **row} for row in document["needs"]]
     return document | {"needs": rows, "refused": faults}
