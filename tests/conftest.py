@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator
 from functools import cache, partial
 from pathlib import Path
 from typing import Any
+from zlib import crc32
 
 import pytest
 import typer.main
@@ -25,19 +26,24 @@ settings.load_profile(os.environ.get("TRIPWATT_HYPOTHESIS", "gate"))
 
 
 LONGEST = (
-    "integrations/test_home_assistant.py",
-    "project/test_site.py",
-    "server/page/test_journey.py",
-    "server/page/test_page.py",
-    "server/page/test_cars.py",
-    "server/page/test_frontend.py",
+    "tests/integrations/test_home_assistant.py",
+    "tests/project/test_site.py",
+    "tests/server/page/test_journey.py",
     "gamm/tests/test_components.py",
-    "hostile/test_bounds.py",
-    "server/http/test_car_endpoints.py",
-    "server/http/test_clients.py",
-    "server/http/test_live.py",
-    "project/test_gallery.py",
-    "project/test_types.py",
+    "tests/server/page/test_page.py",
+    "tests/project/test_gallery.py",
+    "tests/server/page/test_cars.py",
+    "tests/hostile/test_bounds.py",
+    "tests/server/http/test_process.py",
+    "tests/roads/journey/test_choice.py",
+    "tests/server/page/test_live_drive.py",
+    "gamm/tests/test_gram.py",
+    "tests/server/http/test_learning.py",
+    "tests/server/page/test_frontend.py",
+    "tests/server/http/test_car_endpoints.py",
+    "tests/project/test_types.py",
+    "tests/server/http/test_clients.py",
+    "tests/server/http/test_live.py",
 )
 """Modules that take half a minute or more. They begin first, so that no worker is left alone with one of them at the end."""
 
@@ -48,7 +54,11 @@ def pytest_collection_finish() -> None:
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    items.sort(key=lambda item: not item.path.as_posix().endswith(LONGEST))
+    """Mix the modules, where several processes test: those that wait for a browser or a service run beside those that compute."""
+    if "PYTEST_XDIST_WORKER" in os.environ:
+        order = {ROOT / name: place for place, name in enumerate(LONGEST)}
+        mixed = {item.path: crc32(item.path.relative_to(ROOT).as_posix().encode()) for item in items}
+        items.sort(key=lambda item: (order.get(item.path, len(order)), mixed[item.path]))
 
 
 @pytest.fixture(scope="session", autouse=True)
