@@ -8,6 +8,7 @@ pages. Sphinx makes the site of the copy. A warning is an error.
 from __future__ import annotations
 
 import ast
+import gc
 import importlib
 import inspect
 import io
@@ -303,4 +304,6 @@ def build(out: Path) -> str:
 
 
 if __name__ == "__main__":
+    gc.freeze()
+    gc.set_threshold(100_000, 20)  # a site is a million nodes that stay
     sys.exit(build(Path(sys.argv[1]) if len(sys.argv) > 1 else ROOT / "site") or None)
