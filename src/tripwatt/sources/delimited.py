@@ -39,7 +39,7 @@ SHOWN_ROWS: Final = 5
 """Number of rows listed for one kind of fault in one column; the others are counted."""
 NULL_TEXTS: Final = ("", "NaN", "nan", "NAN", "NA", "N/A", "n/a", "null", "NULL", "None", "-nan", "#N/A", "-")
 _IN_TWO_CELLS: Final = re.compile(r"(?<![^,])[+-]?[1-9]\d{0,2},0\d\d(?:\.\d*)?(?![^,])")
-_SPACE_IN_NUMBER: Final = re.compile(r"(?<=\d)[ '’\u00a0\u202f](?=\d{3}(?!\d))")
+_SPACE_IN_NUMBER: Final = re.compile(r"[ '’\u00a0\u202f](?<=\d.)(?=\d{3}(?!\d))")
 _DECIMAL_COMMA: Final = re.compile(r"[+-]?\d+,\d+")
 _UNITS: Final = frozenset().union(*UNITS.values())
 _VALUE: Final = re.compile(r"[-+]?[.,]?\d[-+\d.,:/ eETZ]*")

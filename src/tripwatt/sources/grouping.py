@@ -42,13 +42,13 @@ def use_of(cells: Sequence[str], mark: str) -> Use:
     grouped = re.compile(rf"[+-]?[1-9]\d{{0,2}}(?:{own}\d{{3}})+(?:{other}\d+)?")
     decimal = re.compile(rf"[+-]?(?:\d*|\d{{1,3}}(?:{other}\d{{3}})+){own}\d*(?:[eE][+-]?\d+)?")
     marked = [cell for cell in cells if mark in cell]
-    as_groups = [cell for cell in marked if grouped.fullmatch(cell)]
     has_decimals = any(decimal.fullmatch(cell) and not grouped.fullmatch(cell) for cell in marked)
-    if not as_groups:
-        return "decimal" if has_decimals else "unused"
-    is_sure = any(cell.count(mark) > 1 or MARKS[mark] in cell for cell in as_groups)
+    is_sure = any((c.count(mark) > 1 or MARKS[mark] in c) and grouped.fullmatch(c) for c in marked)
     if has_decimals or is_sure:
         return "unclear" if has_decimals and is_sure else "decimal" if has_decimals else "group"
+    as_groups = [cell for cell in marked if grouped.fullmatch(cell)]
+    if not as_groups:
+        return "unused"
     whole = [abs(int(cell)) for cell in cells if re.fullmatch(r"[+-]?\d{1,15}", cell)]
     if any(whole) and max(whole) < 1000 and len(as_groups) >= MIN_GROUPED:
         return "group"
