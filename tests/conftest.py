@@ -73,7 +73,7 @@ def built_once() -> Iterator[None]:
 
 @pytest.fixture(scope="session", autouse=True)
 def read_once(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
-    """Public sets, of which one takes eleven seconds to read, are read once; tests of their readers import these before."""
+    """Public sets, of which one takes some seconds to read, are read once; tests of their readers import these before."""
     folder = Path(os.environ.get("TRIPWATT_DATA", ROOT / "../shared/data")).resolve()
 
     def read(name: str, real: Callable[..., Any], source: Path, *, strict: bool = False) -> Any:
