@@ -109,6 +109,9 @@ def test_sums_that_fade():
     covariance_ = np.exp(-np.abs(time[:, None] - time) / 20.0) * np.outer(values, values)
     variance = [covariance_[: k + 1, : k + 1].sum() for k in range(3)]
     np.testing.assert_allclose(drift_variance(time, values, 20.0), variance, rtol=1e-14)
+    late = np.concatenate((time, time + 15_000.0, time + 30_000.0))
+    parts = np.add.outer([0.0, variance[-1], 2.0 * variance[-1]], variance).ravel()
+    np.testing.assert_allclose(drift_variance(late, np.tile(values, 3), 20.0), parts, rtol=1e-12)
 
 
 def test_variances_of_parts_add_up():

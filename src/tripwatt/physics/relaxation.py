@@ -13,7 +13,7 @@ LONGEST_BLOCK: Final = 200.0
 
 
 class Relaxation:
-    """Solver of y[k] = y[k-1] e^(-step[k]) + target[k] (1 - e^(-step[k])) for all k at once.
+    """Solver of y[k] = y[k-1] e^(-step[k]) + target[k] (1 - e^(-step[k])) for all k at once, or of sums that fade.
 
     Factors that depend only on the steps are computed once, for repeated passes over trips with the same steps.
 
@@ -21,24 +21,28 @@ class Relaxation:
     ----------
     step : ndarray, shape (..., samples)
         Length of each interval in time constants, not negative.
+    adds : bool
+        Whether each value is added in full, in place of the part of a target that is reached.
 
     Examples
     --------
     >>> Relaxation(np.array([0.0, np.log(2.0)])).solve(0.0, np.array([1.0, 1.0]))
     array([0. , 0.5])
+    >>> Relaxation(np.array([0.0, np.log(2.0)]), adds=True).solve(0.0, np.array([1.0, 1.0]))
+    array([1. , 1.5])
     """
 
     __slots__ = ("gain", "growth", "halves")
 
-    def __init__(self, step: FloatArray) -> None:
+    def __init__(self, step: FloatArray, *, adds: bool = False) -> None:
         elapsed, n = step.cumsum(axis=-1), step.shape[-1]
         self.halves: tuple[Relaxation, ...] = ()
         if n > 1 and elapsed[..., -1].max() >= LONGEST_BLOCK:
-            self.halves = tuple(map(Relaxation, np.split(step, [n // 2], axis=-1)))
+            self.halves = tuple(Relaxation(half, adds=adds) for half in np.split(step, [n // 2], axis=-1))
             return
         # a longer interval leaves nothing of earlier states
         self.growth = np.exp(np.minimum(elapsed, LONGEST_BLOCK))
-        self.gain = -np.expm1(-step) * self.growth
+        self.gain = self.growth if adds else -np.expm1(-step) * self.growth
 
     def solve(self, initial: PerTrip, target: FloatArray) -> FloatArray:
         """Return the state at the end of each interval, shape of `target`. O(samples).

@@ -10,13 +10,13 @@ with one row per reading.
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
 from tripwatt.arrays import BoolArray, FloatArray, IntArray
+from tripwatt.physics.relaxation import Relaxation
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,8 +65,6 @@ class PowerPrior:
     --------
     >>> prior = PowerPrior(np.array([30.0, 90.0]), np.full((2, 1), 100.0), (), np.full(2, 400.0))
     >>> hours = np.full(2, 1.0 / 60.0)
-    >>> prior.variance_wh2(hours).round(3).tolist()
-    [2.889, 11.333]
     >>> (prior.sd_wh(hours) ** 2).round(3).tolist()
     [2.889, 11.333]
     >>> prior.times(np.eye(2)).tolist()
@@ -146,26 +144,11 @@ class PowerPrior:
         ndarray, shape (segments,)
             Standard deviation [Wh].
         """
-        return np.sqrt(self.variance_wh2(hours))
-
-    def variance_wh2(self, hours: FloatArray) -> FloatArray:
-        """Compute the variance of the cumulative energy at the end of each segment. O(segments).
-
-        Parameters
-        ----------
-        hours : ndarray, shape (segments,)
-            Duration over which the power of each segment is added up [h].
-
-        Returns
-        -------
-        ndarray, shape (segments,)
-            Variance [Wh²].
-        """
         constant = np.cumsum(hours[:, None] * self.constant_w, axis=0)
         variance = np.sum(constant**2, axis=1) + np.cumsum(hours**2 * self.new_w2)
         for size_w, fading_s in self.drifts:
             variance += drift_variance(self.time_s, hours * size_w, fading_s)
-        return np.asarray(variance)
+        return np.asarray(np.sqrt(variance))
 
     def times(self, columns: FloatArray) -> FloatArray:
         """Multiply the covariance of the segments with each column. O(segments x columns).
@@ -258,12 +241,10 @@ class PowerPrior:
 
 def fading_sums(time_s: FloatArray, values: FloatArray, fading_s: float) -> FloatArray:
     """``sum over i <= k of values[i] exp(-(t[k] - t[i]) / T)`` for each k, along the first axis; T is `fading_s`. O(values)."""
-    fading = np.exp(-np.diff(time_s, prepend=time_s[0]) / fading_s).tolist()
-    # plain numbers add up faster than numbers of NumPy
-    rows = values.tolist() if values.ndim == 1 else values
-    steps = zip(rows, fading, strict=True)
-    sums = itertools.accumulate(steps, lambda before, step: step[0] + step[1] * before, initial=0.0)
-    return np.array(list(itertools.islice(sums, 1, None)))
+    fading, sums = np.exp(-np.diff(time_s) / fading_s), values.copy()
+    for k, kept in enumerate(fading.tolist()):
+        sums[k + 1] += kept * sums[k]
+    return sums
 
 
 def drift_variance(time_s: FloatArray, weight: FloatArray, fading_s: float) -> FloatArray:
@@ -271,7 +252,8 @@ def drift_variance(time_s: FloatArray, weight: FloatArray, fading_s: float) -> F
 
     Segment k adds ``w[k] (2 c[k] - w[k])``, where ``c[k]`` is the covariance of the sum up to k and the drift at k.
     """
-    c = fading_sums(time_s, weight, fading_s)
+    # as `fading_sums` without a loop, but not to the last digit, on which the drawn samples depend
+    c = Relaxation(np.diff(time_s, prepend=time_s[0]) / fading_s, adds=True).solve(0.0, weight)
     return np.asarray(np.cumsum(weight * (2.0 * c - weight)))
 
 
@@ -362,7 +344,7 @@ class AveragedPower:
     def sd_wh(self, hours: FloatArray) -> FloatArray:
         """See `ResidualPower.sd_wh`. O(segments x readings)."""
         known = np.cumsum(hours[:, None] * self.factor_w, axis=0)
-        variance = self.prior.variance_wh2(hours) - np.sum(known**2, axis=1)
+        variance = self.prior.sd_wh(hours) ** 2 - np.sum(known**2, axis=1)
         return np.asarray(np.sqrt(np.maximum(variance, 0.0)))
 
 
