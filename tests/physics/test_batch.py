@@ -10,10 +10,10 @@ from benchmarks.worlds import changed
 
 import tripwatt as tw
 from tripwatt.errors import InvalidInput
-from tripwatt.physics import batch, simulate_trip
+from tripwatt.physics import chain, simulate_trip
 from tripwatt.physics.batch import CHUNK_SAMPLES, energies_on_grades, simulate_trips, trip_totals
 from tripwatt.physics.cabin import MIN_SIDE_BY_SIDE
-from tripwatt.physics.chain import CAUSES, drive_chain
+from tripwatt.physics.chain import CAUSES
 from tripwatt.study.synthetic import synthetic_fleet
 from tripwatt.trips import Plan
 
@@ -182,11 +182,12 @@ def test_the_energy_on_grades_is_that_of_simulations(car, monkeypatch):
     """Also where a cold or full battery limits regeneration; elsewhere its state is not computed."""
     in_full = []
 
-    def counted(car, trace, *others):
-        in_full.extend(trace.grade)
-        return drive_chain(car, trace, *others)
+    def counted(car, trace, wheel_power, *others):
+        in_full.extend(wheel_power if wheel_power.ndim > 1 else ())
+        return with_battery(car, trace, wheel_power, *others)
 
-    monkeypatch.setattr(batch, "drive_chain", counted)
+    with_battery = chain._drive_and_battery
+    monkeypatch.setattr(chain, "_drive_and_battery", counted)
     long = drive(0, CHUNK_SAMPLES // 2 - 1, ambient_temperature_degc=5.0, soc=0.6)
     plans = [plan for plan in DRIVES if "elevation_m" not in plan]
     seconds = np.arange(1200.0)

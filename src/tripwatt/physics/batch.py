@@ -14,7 +14,7 @@ import numpy.typing as npt
 from tripwatt.arrays import FloatArray, by_key
 from tripwatt.errors import Fault, InvalidInput, raise_faults
 from tripwatt.physics.cabin import CabinRun, condition_cabins
-from tripwatt.physics.chain import Flags, Trace, drive_chain, unlimited_energy
+from tripwatt.physics.chain import Flags, Trace, drive_chain, energies
 from tripwatt.physics.simulate import Drive, Simulation, drive_of_trip
 from tripwatt.trips import Plan, Recorded
 from tripwatt.units import WH_PER_J
@@ -66,8 +66,6 @@ def energies_on_grades(
 ) -> FloatArray:
     """Return the cumulative energy of a plan on several roads [Wh], shape (roads, samples), as `simulate_trip` does. O(samples) for each.
 
-    The state of the battery is only computed on roads on which it may limit the power.
-
     Parameters
     ----------
     vehicle : Vehicle
@@ -91,12 +89,7 @@ def energies_on_grades(
     slopes = np.array([np.broadcast_to(grade, drive.time_s.shape) for grade in grades])
     means = drive.grade + np.hstack((slopes[:, :1], 0.5 * (slopes[:, 1:] + slopes[:, :-1])))
     trace = Trace.from_samples(drive.time_s, drive.speed_m_s, means, drive.headwind_m_s)
-    energy_wh, is_sure = unlimited_energy(drive.vehicle, trace, drive.conditions, run.auxiliary_power_w)
-    if not is_sure.all():
-        limited = replace(trace, grade=means[~is_sure])
-        arrays, _ = drive_chain(drive.vehicle, limited, drive.conditions, run.climate_power_w)
-        energy_wh[~is_sure] = arrays["energy_wh"]
-    return energy_wh
+    return energies(drive.vehicle, trace, drive.conditions, run.auxiliary_power_w)
 
 
 def trip_totals(pairs: Iterable[Pair]) -> dict[str, list[Any]]:

@@ -167,24 +167,24 @@ def _keep_freed_memory() -> None:
     np.empty(3_000_000)
 
 
-def unlimited_energy(
+def energies(
     vehicle: Vehicle, trace: Trace, conditions: DriveConditions, auxiliary_power_w: FloatArray
-) -> tuple[FloatArray, BoolArray]:
-    """Compute the energy of drives as `drive_chain`, if the battery limits neither regeneration nor charge. O(samples).
+) -> FloatArray:
+    """Compute the energy of drives as `drive_chain`. O(samples).
+
+    The state of the battery is only computed for drives on which it may limit regeneration or charge.
 
     Parameters
     ----------
     vehicle, trace, conditions
         As for `drive_chain`, of one car.
-    auxiliary_power_w : ndarray, shape (samples,) or (trips, samples)
+    auxiliary_power_w : ndarray, shape (samples,)
         Electric power of all auxiliaries [W].
 
     Returns
     -------
     ndarray, shape (trips, samples)
         Cumulative energy at the terminals [Wh].
-    ndarray of bool, shape (trips,)
-        Whether this is surely the energy; else the state of the battery has to be computed.
     """
     rules, battery, step = vehicle.regeneration, vehicle.battery, trace.step_s
     soc, temperature = np.asarray(conditions.initial_soc), np.asarray(conditions.battery_start_degc)
@@ -192,17 +192,21 @@ def unlimited_energy(
     acceptance = regeneration_acceptance(soc, temperature, rules)
     drive = propulsion(wheel_power, trace.mean_speed_m_s, acceptance, vehicle.drivetrain, rules)
     power = drive.motor_power_w + auxiliary_power_w
+    energy_wh = (power * (step * WH_PER_J)).cumsum(axis=-1)
     # charge is at most that at the lowest voltage, discharge at least that at the highest
-    volts = np.where(power < 0.0, min(battery.ocv_v), max(battery.ocv_v)) * battery.cells_in_series
-    gained_as = -(power / volts * step).cumsum(axis=-1).min(axis=-1, keepdims=True)
-    fullest = soc + np.maximum(gained_as / (battery.capacity_ah * SECONDS_PER_HOUR), 0.0)
+    low, high = (bound(battery.ocv_v) * battery.cells_in_series for bound in (min, max))
+    drawn_as = np.minimum(power * (step / low), power * (step / high)).cumsum(axis=-1)
+    capacity_as = battery.capacity_ah * SECONDS_PER_HOUR
+    fullest = soc + np.maximum(-drawn_as.min(axis=-1, keepdims=True) / capacity_as, 0.0)
     # losses warm the battery
     coldest = np.minimum(temperature, conditions.ambient_temperature_degc)
     lowest = regeneration_acceptance(fullest, coldest, rules)
-    recovered = np.where(drive.recovered_wheel_power_w > 0.0, drive.recovered_wheel_power_w, -wheel_power)
-    brakes = (lowest >= 1.0) | (recovered.max(axis=-1, keepdims=True) < rules.max_power_w * lowest)
-    charges = fullest <= np.maximum(battery.displayed_full_soc, soc)
-    return (power * (step * WH_PER_J)).cumsum(axis=-1), (brakes & charges)[..., 0]
+    weak = (lowest < 1.0) & (-wheel_power.min(axis=-1, keepdims=True) >= rules.max_power_w * lowest)
+    limited = (weak | (fullest > np.maximum(battery.displayed_full_soc, soc)))[:, 0]
+    if limited.any():
+        _, run = _drive_and_battery(vehicle, trace, wheel_power[limited], auxiliary_power_w, conditions)
+        energy_wh[limited] = (run.power_w * (step * WH_PER_J)).cumsum(axis=-1)
+    return energy_wh
 
 
 def _forces(vehicle: Vehicle, trace: Trace, conditions: DriveConditions) -> tuple[FloatArray, ...]:
