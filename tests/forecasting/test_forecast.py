@@ -237,7 +237,7 @@ def test_intervals_on_the_way_are_as_wide_as_what_held_out_trips_leave():
         size = np.where(np.arange(30) < 15, 1.0, 3.0)  # the second half errs more than the process believes
         errors = np.linalg.cholesky(covariance(PROCESS, segments)) @ rng.standard_normal(30) * size
         held_out.append(HeldOutResidual(segments, errors))
-    own = np.array([PROCESS.sd_wh(trip.segments) for trip in held_out])
+    own = np.array([PROCESS.prior(t.segments).sd_wh(t.segments.hours)[-1] for t in held_out])
     shrinkage = UpdateShrinkage.from_trips(PROCESS, held_out, own)
     rest = [trip.segments.hours[15:] @ trip.residual_w[15:] for trip in held_out]
     total = [trip.error_wh for trip in held_out]

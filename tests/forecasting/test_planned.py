@@ -86,8 +86,8 @@ def test_the_cost_of_links_is_learned_on_trips_that_the_corrector_has_not_seen(t
         def predict(self, table):
             return self.inner.predict(self.look(table))
 
-        def predict_with_uncertainty(self, table):
-            return self.inner.predict_with_uncertainty(self.look(table))
+        def predict_with_uncertainty(self, table, hours):
+            return self.inner.predict_with_uncertainty(self.look(table), hours)
 
         def __getattr__(self, name):
             return getattr(self.inner, name)

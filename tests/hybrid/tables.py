@@ -4,6 +4,7 @@ import numpy as np
 import pandas as pd
 
 from tripwatt.hybrid import SegmentTable
+from tripwatt.hybrid.power import summed
 from tripwatt.hybrid.segments import LINE_CAUSES
 
 EXACT = {"rel": 1e-9, "abs": 1e-9}
@@ -52,5 +53,5 @@ class Fixed:
     def outside_factor(self, own):
         return np.full((len(own.hours), 1), 10.0 * self.factor)
 
-    def predict_with_uncertainty(self, own):
-        return self.predict(own), np.full((len(own.hours), 1), self.factor)
+    def predict_with_uncertainty(self, own, hours=None):
+        return self.predict(own), summed(np.full((len(own.hours), 1), self.factor), hours)

@@ -345,6 +345,6 @@ def test_wind_and_traffic_do_not_change_the_energy_of_a_climb() -> None:
     )
     usual = [TripEvidence.from_table(table, I3).usual_wh2[0] for table in (level, steep)]
     assert usual[0] == pytest.approx(usual[1], rel=1e-12)
-    assert process_segments(level, np.zeros((1, 1))).net_wh == pytest.approx(
-        process_segments(steep, np.zeros((1, 1))).net_wh
+    assert process_segments(level, np.zeros(1)).net_wh == pytest.approx(
+        process_segments(steep, np.zeros(1)).net_wh
     )

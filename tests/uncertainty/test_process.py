@@ -173,10 +173,8 @@ class Corrector:
     def predict(self, own):
         return np.full(len(own.hours), self.watts)
 
-    def predict_with_uncertainty(self, own):
-        return self.predict(own), np.column_stack(
-            [np.full(len(own.hours), 3.0), np.full(len(own.hours), 4.0)]
-        )
+    def predict_with_uncertainty(self, own, hours):
+        return self.predict(own), hours.sum() * np.array([3.0, 4.0])
 
     def outside_factor(self, own):
         return np.full((len(own.hours), 1), 2.0)
@@ -197,7 +195,7 @@ class TestHeldOut:
         assert found.climate_w.tolist() == [12.0, 12.0]
         assert found.climate_expected_w.tolist() == [308.0, 308.0]
         assert found.error_wh == pytest.approx(75.0)
-        assert process_segments(table(2), np.zeros((2, 1))).outside_sd_wh == 0.0
+        assert process_segments(table(2), np.zeros(1)).outside_sd_wh == 0.0
 
     def test_joint_or_not_logged_throughout(self) -> None:
         assert held_out_residual(Corrector(climate=None), table(2)).climate_w is None

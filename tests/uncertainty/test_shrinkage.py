@@ -125,13 +125,16 @@ def test_shrinkage_from_rests(monkeypatch) -> None:
     own, scale = 50.0, np.array([40.0, 60.0, 50.0, 45.0, 55.0, 70.0])
     errors = np.array([90.0, -50.0, 30.0, -100.0, 60.0, 45.0])
     trips = [
-        SimpleNamespace(segments=None, climate_w=None if k == 5 else 1.0, error_wh=float(e))
+        SimpleNamespace(
+            segments=SimpleNamespace(hours=k), climate_w=None if k == 5 else 1.0, error_wh=float(e)
+        )
         for k, e in enumerate(errors)
     ]
     monkeypatch.setattr(
         shrinkage, "_rests", lambda process, trip: [tuple(rests[trips.index(trip)])] * len(FRACTIONS)
     )
-    model = SimpleNamespace(split=True, sd_wh=lambda segments: own)
+    prior = SimpleNamespace(sd_wh=lambda hours: np.array([0.0, own]))
+    model = SimpleNamespace(split=True, prior=lambda segments: prior)
     found = UpdateShrinkage.from_trips(model, trips, scale)
     on = np.arange(4)
     share_climate = _best_share(truth[on], climate[on], scale[on])
@@ -191,7 +194,7 @@ def test_climate_control_that_was_off_stays_off():
         climate = drawn - expected
         held_out.append(HeldOutResidual(segments, climate + rng.normal(0, 100, 40), climate, expected))
     split = dataclasses.replace(by_hand.ONE_PROCESS, split=True)
-    own = np.array([split.sd_wh(trip.segments) for trip in held_out])
+    own = np.array([split.prior(t.segments).sd_wh(t.segments.hours)[-1] for t in held_out])
     found = UpdateShrinkage.from_trips(split, held_out, own)
     # after half of the trip, ten segments of nothing and ten of a tenth are to come: 95 % is not drawn
     assert found.off[FRACTIONS.index(0.5)] == pytest.approx(0.95, abs=0.03)
@@ -214,7 +217,7 @@ def test_the_mean_width_never_grows_on_the_way():
         segments = by_hand_segments(rng, 30)
         size = np.where(np.arange(30) < 15, 1.0, 4.0)  # the second half errs more than the process believes
         held_out.append(HeldOutResidual(segments, rng.normal(0.0, 800.0, 30) * size))
-    own = np.array([by_hand.ONE_PROCESS.sd_wh(trip.segments) for trip in held_out])
+    own = np.array([by_hand.ONE_PROCESS.prior(t.segments).sd_wh(t.segments.hours)[-1] for t in held_out])
     found = UpdateShrinkage.from_trips(by_hand.ONE_PROCESS, held_out, own)
     before = own.mean()
     rests = np.array([_rests(by_hand.ONE_PROCESS, trip) for trip in held_out])

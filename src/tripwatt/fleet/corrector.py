@@ -12,7 +12,7 @@ from tripwatt.arrays import FloatArray, IntArray, covariance_factor
 from tripwatt.files import shipped_toml
 from tripwatt.fleet.features import segment_features
 from tripwatt.hybrid import SegmentTable
-from tripwatt.hybrid.power import TREE_FEATURES, PowerCorrector
+from tripwatt.hybrid.power import TREE_FEATURES, PowerCorrector, Uncertain, summed
 
 _TREE_SETTINGS: Final = shipped_toml("fleet/trees.toml")
 _MAX_ROUNDS: Final = 120
@@ -141,7 +141,7 @@ class FleetCorrector(PowerCorrector):
         """Make the correction from the posterior mean and covariance of the vehicle's weights."""
         return cls(mean, covariance_factor(covariance), trees)
 
-    def predict_with_uncertainty(self, table: SegmentTable) -> tuple[FloatArray, FloatArray]:
+    def predict_with_uncertainty(self, table: SegmentTable, hours: FloatArray | None = None) -> Uncertain:
         """Predict the residual power [W], and its uncertainty [W] from that of the weights; the trees add none."""
         features = segment_features(table)
-        return features @ self.mean + self.trees.predict(table), features @ self.factor
+        return features @ self.mean + self.trees.predict(table), summed(features, hours) @ self.factor

@@ -781,7 +781,7 @@ def _shared(forecast: Forecast) -> Shared:
         forecast.uncertainty.scale.course.hours(float(hours.sum())),
         float((drive.segments.moved_w * hours).sum()),
         drive.segments.net_wh,
-        (hours[:, None] * drive.corrector.predict_with_uncertainty(drive.table)[1]).sum(axis=0),
+        drive.corrector.predict_with_uncertainty(drive.table, hours)[1],
         drive.segments.outside_sd_wh,
         forecast.state_sd_wh,
         forecast.route_sd_wh,

@@ -389,7 +389,7 @@ class ForecastModel:
                 raise InvalidInput(Fault.unknown("unknown covariate", "departure", name, self.covariates))
         simulation = simulate_trip(self.vehicle, plan)
         table = segment_table(plan, simulation)
-        correction, factor = corrector.predict_with_uncertainty(table)
+        correction, factor = corrector.predict_with_uncertainty(table, table.hours)
         is_off, terrain = plan.departure.climate == "off", plan.departure.terrain or "unknown"
         if is_off:
             climate = corrector.predict_climate(table)

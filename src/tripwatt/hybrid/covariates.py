@@ -17,7 +17,7 @@ import pandas as pd
 
 from tripwatt.arrays import FloatArray
 from tripwatt.errors import Fault, InvalidInput
-from tripwatt.hybrid.power import PowerCorrector
+from tripwatt.hybrid.power import PowerCorrector, Uncertain
 from tripwatt.hybrid.segments import SegmentTable
 
 MOST_VALUES: Final = 30
@@ -83,9 +83,10 @@ class CovariateCorrector(PowerCorrector):
         """Return an unfitted copy with the settings that `fit` chose."""
         return CovariateCorrector(self.base.clone_tuned(), self.names)
 
-    def predict_with_uncertainty(self, table: SegmentTable) -> tuple[FloatArray, FloatArray]:
+    def predict_with_uncertainty(self, table: SegmentTable, hours: FloatArray | None = None) -> Uncertain:
         """Mean over the values of unknown covariates, and the factor of the covariance of this mean."""
-        powers, factors = zip(*map(self.base.predict_with_uncertainty, self._completed(table)), strict=True)
+        pairs = (self.base.predict_with_uncertainty(each, hours) for each in self._completed(table))
+        powers, factors = zip(*pairs, strict=True)
         return np.mean(powers, axis=0), np.mean(factors, axis=0)
 
     def outside_factor(self, table: SegmentTable) -> FloatArray:

@@ -17,7 +17,7 @@ import numpy as np
 from tripwatt.arrays import FloatArray
 from tripwatt.errors import InvalidInput
 from tripwatt.hybrid.groups import Sums
-from tripwatt.hybrid.power import PowerCorrector
+from tripwatt.hybrid.power import PowerCorrector, Uncertain, summed
 from tripwatt.hybrid.rows import Records
 from tripwatt.hybrid.segments import LINE_CAUSES, SegmentTable
 from tripwatt.vehicles import Vehicle
@@ -360,13 +360,14 @@ class FactorCorrector(PowerCorrector):
         sd = np.sqrt((self.factor[:-1] ** 2).sum(axis=1)) * SDS
         return {n: (float(m), float(s)) for n, m, s in zip(NAMES, self.mean[:-1] * SDS, sd, strict=True)}
 
-    def predict_with_uncertainty(self, table: SegmentTable) -> tuple[FloatArray, FloatArray]:
+    def predict_with_uncertainty(self, table: SegmentTable, hours: FloatArray | None = None) -> Uncertain:
         """Residual power [W], and the factor of its covariance due to factors, drift and shortfall of power."""
         rows = factor_power(table, self.mass_kg)
         kept = drift_kept(table.columns["day"], self.day)
         rows = np.column_stack([rows, rows[:, 0] * kept])
         forgotten = rows[:, 0] * self.drift_sd * np.sqrt(1.0 - kept**2)
-        return rows @ self.mean, np.column_stack([rows @ self.factor, forgotten, _shortfall_power(table)])
+        factor = np.column_stack([rows @ self.factor, forgotten, _shortfall_power(table)])
+        return rows @ self.mean, summed(factor, hours)
 
     def predict_climate(self, table: SegmentTable) -> FloatArray:
         """The part of the correction by heating and cooling [W]."""

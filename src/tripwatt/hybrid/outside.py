@@ -10,7 +10,7 @@ from typing import Any, Final, Protocol
 from tripwatt.arrays import FloatArray
 from tripwatt.errors import InvalidInput
 from tripwatt.hybrid.covariates import CovariateCorrector
-from tripwatt.hybrid.power import LearnerCorrector, PowerCorrector
+from tripwatt.hybrid.power import LearnerCorrector, PowerCorrector, Uncertain, summed
 from tripwatt.hybrid.segments import SegmentTable
 from tripwatt.learners.outside import OutsideRegressor, checked
 
@@ -75,10 +75,11 @@ class TableCorrector(PowerCorrector):
         """Residual power [W]."""
         return checked(self.model.predict(table), len(table.hours), self.model)
 
-    def predict_with_uncertainty(self, table: SegmentTable) -> tuple[FloatArray, FloatArray]:
+    def predict_with_uncertainty(self, table: SegmentTable, hours: FloatArray | None = None) -> Uncertain:
         """Result of the object's own method if it has one; otherwise its prediction without uncertainty."""
         own: Any = self._own("predict_with_uncertainty") or super().predict_with_uncertainty
-        return own(table)  # type: ignore[no-any-return]  # of an object from outside
+        power, factor = own(table)
+        return power, summed(factor, hours)
 
     def outside_factor(self, table: SegmentTable) -> FloatArray:
         """Result of the object's own method if it has one; otherwise a factor without columns."""

@@ -19,6 +19,9 @@ from tripwatt.hybrid.segments import LINE_CAUSES, SegmentTable
 from tripwatt.learners.gp import AdditiveGP, KernelTerm
 from tripwatt.trips import TEMPERATURES
 
+Uncertain = tuple[FloatArray, FloatArray]
+"""A prediction, and the factor of the covariance of its uncertainty."""
+
 
 class PowerCorrector:
     """Base class of correctors, which predict the residual power of segments from quantities known before departure.
@@ -97,22 +100,25 @@ class PowerCorrector:
         """
         return self.predict_with_uncertainty(table)[0]
 
-    def predict_with_uncertainty(self, table: SegmentTable) -> tuple[FloatArray, FloatArray]:
+    def predict_with_uncertainty(self, table: SegmentTable, hours: FloatArray | None = None) -> Uncertain:
         """Predict the residual power of each row, and the corrector's own uncertainty.
 
         Parameters
         ----------
         table : SegmentTable
             Segments; their measured power is not used.
+        hours : ndarray, shape (rows,), optional
+            Durations [h] over which the uncertain power is summed, much faster than afterwards.
 
         Returns
         -------
         power_w : ndarray, shape (rows,)
             Predicted residual power, as of `predict` [W].
         factor_w : ndarray, shape (rows, any)
-            Factor `L` of the covariance ``L @ L.T`` of the corrector's own uncertainty [W]; zeros if it has none.
+            Factor `L` of the covariance ``L @ L.T`` of the corrector's own uncertainty [W]; zeros if it has none. With `hours`
+            it is that of the energy [Wh], shape (any,).
         """
-        return self.predict(table), np.zeros((len(table.hours), 1))
+        return self.predict(table), summed(np.zeros((len(table.hours), 1)), hours)
 
     def outside_factor(self, table: SegmentTable) -> FloatArray:
         """Compute a factor `L` as in `predict_with_uncertainty`, for the uncertainty outside the range of the training.
@@ -185,6 +191,18 @@ class PowerCorrector:
         """
         climate = self.predict_climate(table)
         return self.predict(table) - (0.0 if climate is None else climate)
+
+
+def summed(rows: FloatArray, hours: FloatArray | None, share: FloatArray | float = 1.0) -> FloatArray:
+    """Rows times the share of each; their sum over durations [h] if these are given.
+
+    Examples
+    --------
+    >>> rows, share = np.array([[2.0], [4.0]]), np.array([1.0, 0.5])
+    >>> summed(rows, None, share).tolist(), summed(rows, np.array([1.0, 3.0]), share).tolist()
+    ([[2.0], [2.0]], [8.0])
+    """
+    return (rows.T * share).T if hours is None else (hours * share) @ rows
 
 
 def smooth_terms(corrector: str) -> tuple[KernelTerm, ...]:
@@ -275,12 +293,13 @@ class GPCorrector(PowerCorrector):
         lost = self.model.prior_factor(self.model.features(rows)[0])
         return np.hstack([edge * share, lost * np.sqrt(1.0 - share**2)])
 
-    def predict_with_uncertainty(self, table: SegmentTable) -> tuple[FloatArray, FloatArray]:
+    def predict_with_uncertainty(self, table: SegmentTable, hours: FloatArray | None = None) -> Uncertain:
         """Residual power and factor of its covariance, computed from the same features."""
         features, _ = self.model.features(table.features)
         share = self.familiarity.share(table.features)
         shape = less_trip_mean((features @ self.shape * share)[:, None], table)[:, 0]
-        return features @ self.model.weights_ * share + shape, self.model.factor(features) * share[:, None]
+        factor = self.model.factor(summed(features, hours, share))
+        return features @ self.model.weights_ * share + shape, factor
 
 
 def less_trip_mean(values: FloatArray, table: SegmentTable) -> FloatArray:
@@ -360,9 +379,9 @@ class EnsembleCorrector(PowerCorrector):
         """Factor of the first member; trees fade outside of their range and have no variance of their own."""
         return self.members[0].outside_factor(table)
 
-    def predict_with_uncertainty(self, table: SegmentTable) -> tuple[FloatArray, FloatArray]:
+    def predict_with_uncertainty(self, table: SegmentTable, hours: FloatArray | None = None) -> Uncertain:
         """Mean residual power of all members, and the uncertainty of the first."""
-        mean, uncertainty = self.members[0].predict_with_uncertainty(table)
+        mean, uncertainty = self.members[0].predict_with_uncertainty(table, hours)
         return np.asarray(np.mean([mean, *(m.predict(table) for m in self.members[1:])], axis=0)), uncertainty
 
 
@@ -504,9 +523,10 @@ class SplitCorrector(PowerCorrector):
         """Factors of the parts side by side, since the covariances of independent corrections add up."""
         return np.hstack([part.outside_factor(table) for part in self._parts])
 
-    def predict_with_uncertainty(self, table: SegmentTable) -> tuple[FloatArray, FloatArray]:
+    def predict_with_uncertainty(self, table: SegmentTable, hours: FloatArray | None = None) -> Uncertain:
         """Sum of the parts' residual powers, and their factors side by side."""
-        powers, factors = zip(*(part.predict_with_uncertainty(table) for part in self._parts), strict=True)
+        of_parts = [part.predict_with_uncertainty(table, hours) for part in self._parts]
+        powers, factors = zip(*of_parts, strict=True)
         return np.asarray(sum(powers)), np.hstack(factors)
 
     def predict_climate(self, table: SegmentTable) -> FloatArray | None:

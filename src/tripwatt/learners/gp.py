@@ -157,7 +157,7 @@ class AdditiveGP:
         return self._features(X), self._by_feature([term.sd**2 for term in self.terms])
 
     def factor(self, features: FloatArray) -> FloatArray:
-        """Factor `L`, shape (rows, features), of the posterior covariance ``L @ L.T`` of the sum of the terms at the rows."""
+        """Factor `L`, shape of `features`, of the posterior covariance ``L @ L.T`` of the sum of the terms at the rows, or at a sum of rows."""
         return np.asarray(features @ self.factor_)
 
     def prior_factor(self, features: FloatArray) -> FloatArray:
@@ -265,7 +265,8 @@ class AdditiveGP:
         blocks = []
         smooth = dict.fromkeys(c for term in self.terms if term.kind == "smooth" for c in term.columns)
         columns = float_columns(X)
-        held = {name: _without_repeats(self._held(columns, name)) for name in smooth}
+        # the first value if all are equal, such as a temperature at departure in the rows of a trip
+        held = {n: c[:1] if (c == c[:1]).all() else c for n in smooth for c in [self._held(columns, n)]}
         for i, term in enumerate(self.terms):
             if term.kind == "line":
                 name = term.columns[0]
@@ -357,11 +358,6 @@ def float_columns(X: pd.DataFrame) -> dict[str, FloatArray]:
         X = X.select_dtypes(["number", "bool"])
         values = X.to_numpy(np.float64, na_value=np.nan)
     return dict(zip(X.columns.tolist(), values.T, strict=True))
-
-
-def _without_repeats(column: FloatArray) -> FloatArray:
-    """The first value of a column if all are equal, such as a temperature at departure in the rows of a trip; else the column."""
-    return column[:1] if (column == column[:1]).all() else column
 
 
 def _squared_exponential(columns: Sequence[FloatArray], points: FloatArray) -> FloatArray:

@@ -91,7 +91,7 @@ class Segments:
 
 
 def process_segments(
-    table: SegmentTable, uncertainty_w: FloatArray, outside_w: FloatArray | None = None
+    table: SegmentTable, uncertainty_wh: FloatArray, outside_w: FloatArray | None = None
 ) -> Segments:
     """Segments of one trip in the form that the residual process takes.
 
@@ -99,8 +99,8 @@ def process_segments(
     ----------
     table : SegmentTable
         Table of one trip.
-    uncertainty_w : ndarray, shape (segments, any)
-        Factor from `PowerCorrector.predict_with_uncertainty`.
+    uncertainty_wh : ndarray, shape (any,)
+        Factor of the trip's energy, from `PowerCorrector.predict_with_uncertainty`.
     outside_w : ndarray, shape (segments, any), optional
         Factor from `PowerCorrector.outside_factor`.
     """
@@ -109,7 +109,7 @@ def process_segments(
         step_s=table.hours * SECONDS_PER_HOUR,
         moved_w=table.columns["moved_w"],
         climate_w=table.columns["climate_w"],
-        corrector_sd_wh=float(np.linalg.norm(table.hours @ uncertainty_w)),
+        corrector_sd_wh=float(np.linalg.norm(uncertainty_wh)),
         outside_sd_wh=0.0 if outside_w is None else float(np.linalg.norm(table.hours @ outside_w)),
         net_wh=float(table.hours @ (table.simulated_w - table.columns["climb_w"])),
         distance_m=float((table.hours * table.columns["speed_m_s"]).sum()) * SECONDS_PER_HOUR,
@@ -134,8 +134,8 @@ class ResidualProcess:
     >>> still = ComponentProcess(0.0, 0.0, 0.0, 600.0, 0.0)
     >>> process = ResidualProcess(ComponentProcess(60.0, 0.0, 0.0, 600.0, 0.0), still, climate_limit_w=500.0, split=True)
     >>> segments = Segments(np.array([900.0]), np.array([1800.0]), np.zeros(1), np.zeros(1))
-    >>> process.sd_wh(segments), process.prior(segments, "climate").sd_wh(segments.hours).tolist()
-    (30.0, [0.0])
+    >>> [process.prior(segments, part).sd_wh(segments.hours).tolist() for part in ("joint", "climate")]
+    [[30.0], [0.0]]
     >>> process.limited(np.array([-900.0, 20.0])).tolist()
     [-500.0, 20.0]
     """
@@ -166,21 +166,6 @@ class ResidualProcess:
         }
         chosen = list(parts.values()) if component == "joint" else [parts[component]]
         return PowerPrior.from_components(segments.time_s, chosen)
-
-    def sd_wh(self, segments: Segments) -> float:
-        """Compute the standard deviation of the trip's energy.
-
-        Parameters
-        ----------
-        segments : Segments
-            Segments of one trip.
-
-        Returns
-        -------
-        float
-            Standard deviation [Wh] of the sum of both components.
-        """
-        return float(np.sqrt(self.prior(segments).variance_wh2(segments.hours)[-1]))
 
     def limited(self, climate_w: FloatArray) -> FloatArray:
         """Limit the residual of climate control to `climate_limit_w`.
@@ -232,17 +217,16 @@ class HeldOutResidual:
 
 def held_out_residual(corrector: PowerCorrector, table: SegmentTable) -> HeldOutResidual:
     """Residual power of one trip, by a corrector that was fitted without this trip."""
-    correction, uncertainty = corrector.predict_with_uncertainty(table)
+    correction, uncertainty = corrector.predict_with_uncertainty(table, table.hours)
     segments = process_segments(table, uncertainty, corrector.outside_factor(table))
     climate = corrector.predict_climate(table)
-    left = None if climate is None else table.climate_residual_w - climate
     residual = HeldOutResidual(
         segments,
         table.residual_w - correction,
         measured_sd_wh=float(table.energy_errors.own_wh[0]),
         along=bool(table.energy_errors.along[0]),
     )
-    if climate is None or left is None or not np.isfinite(left).all():
+    if climate is None or not np.isfinite(left := table.climate_residual_w - climate).all():
         return residual
     return replace(residual, climate_w=left, climate_expected_w=segments.climate_w + climate)
 
@@ -270,7 +254,7 @@ def fit_process(trips: Sequence[HeldOutResidual]) -> ResidualProcess:
     >>> segments = Segments(np.arange(4) * 900.0, flat, np.full(4, 4000.0), np.zeros(4))
     >>> trips = [HeldOutResidual(segments, np.full(4, residual)) for residual in (-80.0, 60.0, 20.0)]
     >>> process = fit_process(trips)
-    >>> process.split, process.sd_wh(segments) > 0.0
+    >>> process.split, bool((process.prior(segments).sd_wh(segments.hours) > 0.0).all())
     (False, True)
     """
     trips = [trip for trip in trips if trip.along]

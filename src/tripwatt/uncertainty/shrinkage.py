@@ -94,7 +94,7 @@ class UpdateShrinkage:
         if not trips:
             return cls(*np.vstack((shares.T[:3], sd_factors.T, shares.T[3:])))
         split = np.array([process.split and trip.climate_w is not None for trip in trips])
-        process_sd_wh = np.array([process.sd_wh(trip.segments) for trip in trips])
+        process_sd_wh = np.array([process.prior(t.segments).sd_wh(t.segments.hours)[-1] for t in trips])
         before = _point(np.array([trip.error_wh for trip in trips]) / scale_wh)
         widths = np.ones(2)
         rests = np.array([_rests(process, trip) for trip in trips]).transpose(1, 0, 2)
