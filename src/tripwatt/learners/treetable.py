@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, Final, Self
 
 import numpy as np
@@ -107,31 +108,38 @@ class TreeTable:
             elif name == "split_feature" and (values < 0).any():
                 yield Fault("wrong column of a split", f"trees, {name}", f"{values.min()}", "0 or more")
 
+    @cached_property
+    def _nodes(self) -> tuple[npt.NDArray[Any], ...]:
+        """Roots; columns and thresholds of all splits; and where each node leads, to the right and to the left.
+
+        The nodes are the splits of all trees, then their leaves, which lead to themselves. Each column has four versions, by what counts
+        as missing and by where a missing value goes.
+        """
+        tree, splits = np.arange(len(self))[:, None], self.split_feature.shape[1]
+        missing = self.decision & _MISSING
+        # a missing value goes the default way of its split, and counts as zero at a split that has none
+        left_if_missing = np.where(missing > 0, (self.decision & _DEFAULT_LEFT) > 0, self.threshold >= 0.0)
+        columns = 4 * self.split_feature + 2 * (missing == _ZERO_IS_MISSING) + left_if_missing
+        leaf = self.split_feature.size + (splits + 1) * tree - 1
+        ways = [np.where(to < 0, leaf - to, splits * tree + to) for to in (self.right, self.left)]
+        leaves = np.repeat(self.split_feature.size + np.arange(self.leaf_value.size), 2)
+        # any index of a leaf takes the last threshold, which no value exceeds
+        return splits * tree, columns, np.append(self.threshold, np.inf), np.append(np.dstack(ways), leaves)
+
     def sum(self, X: FloatArray) -> FloatArray:
         """Sum of all trees, shape (rows,), for rows of shape (rows, columns). O(trees x rows x depth)."""
         if not len(self):
             return np.zeros(len(X))
-        splits = self.split_feature.shape[1]
-        first = splits * np.arange(len(self))[:, None]
-        rows, cells = np.arange(len(X)), np.ascontiguousarray(X.T).ravel()
-        missing = self.decision & _MISSING
-        zero_is_missing = missing == _ZERO_IS_MISSING
-        # a missing value goes the default way of its split, and counts as zero at a split that has none
-        left_if_missing = np.where(missing > 0, (self.decision & _DEFAULT_LEFT) > 0, self.threshold >= 0.0)
-        with_missing = bool(np.isnan(cells).any() or zero_is_missing.any())
-        node = np.zeros((len(self), len(X)), dtype=np.int64)
-        while (inside := node >= 0).any():
-            split = first + np.maximum(node, 0)
-            value = cells.take(self.split_feature.take(split) * len(X) + rows)
-            goes_left = value <= self.threshold.take(split)
-            if with_missing:
-                # LightGBM treats values up to this size as zero
-                absent = np.isnan(value) | (zero_is_missing.take(split) & (np.abs(value) <= 1e-35))
-                goes_left = np.where(absent, left_if_missing.take(split), goes_left)
-            node = np.where(inside, np.where(goes_left, self.left.take(split), self.right.take(split)), node)
+        node, columns, threshold, ways = self._nodes
+        # LightGBM treats values up to this size as zero
+        masks = np.isnan(X.T), ~(np.abs(X.T) > 1e-35)
+        cells = np.stack([np.where(mask, end, X.T) for mask in masks for end in (np.inf, -np.inf)], axis=1)
+        rows, first = np.arange(len(X)), columns * len(X)
+        while np.isfinite(limit := threshold.take(node, mode="clip")).any():
+            value = cells.take(first.take(node, mode="clip") + rows)
+            node = ways.take(2 * node + (value <= limit))
         # a running sum adds tree after tree; a plain sum may add in pairs
-        leaves = (splits + 1) * np.arange(len(self))[:, None] - 1 - node
-        return np.asarray(np.cumsum(self.leaf_value.take(leaves), axis=0)[-1])
+        return np.asarray(np.cumsum(self.leaf_value.take(node - self.split_feature.size), axis=0)[-1])
 
 
 def _fields(block: str) -> dict[str, str]:
