@@ -133,11 +133,10 @@ def _best_effort(corridor: Corridor) -> ChargingPlan | None:
         for way, chances in ways
         if way is not None and len(way.nodes) > 2
     ]
-    if not plans:
-        return None
-    surest = min(plans[::-1], key=lambda plan: len(plan.stops))
-    if surest.p_reserve >= CERTAIN:
-        return replace(surest, label="fastest")
+    best = max(plans, key=lambda plan: plan.p_reserve, default=None)
+    if best is None or best.p_reserve >= CERTAIN:
+        return best and replace(best, label="fastest")
+    surest = min(plans[::-1], key=lambda plan: (math.prod(plan.leg_chances[1:]) < CERTAIN, len(plan.stops)))
     first, chance = surest.legs[0], min(CERTAIN / math.prod(surest.leg_chances[1:]), 1.0 - _LEG_RISKS[0])
     needed = soc_needed(first.forecast, min(reserve + first.preheat_soc, 1.0), chance)
     return replace(plans[0], soc_needed=needed)
