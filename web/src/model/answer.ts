@@ -66,11 +66,8 @@ export function riskyStop({ stops, p_reserve }: Pick<ChargingPlan, "stops" | "p_
   return stops.find(({ p_reach }) => 1 - p_reach >= (1 - p_reserve) / 2) ?? null;
 }
 
-/** From this chance to arrive at all on, a journey below the reserve is no bad one. */
-const ARRIVES = 0.9;
-
-/** Good if the reserve is kept, open if the car arrives at all. */
+/** Good if the reserve is kept, open if the car arrives at all in 9 of 10 trips. */
 export function verdictOfAnswer(answer: Pick<Answer, "pArrive" | "pReserve">): Verdict {
   if (verdictOf(answer.pReserve ?? answer.pArrive) === "good") return "good";
-  return answer.pArrive >= ARRIVES ? "open" : "bad";
+  return answer.pArrive >= 0.9 ? "open" : "bad";
 }

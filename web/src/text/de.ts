@@ -127,14 +127,16 @@ const de: Text = {
       `Mit ${soc} losfahren: Ankunft mit etwa ${expected}, bei 19 von 20 Fahrten mindestens ${reserve}.`,
     justEnough: (soc, spares) =>
       `${soc} reichen${spares ? ", viel Spielraum bleibt nicht" : ". Mit weniger müssen Sie unterwegs laden"}.`,
-    leaveWithStops: (soc) => `Wenn Sie vorher laden: auf ${soc} oder mehr, dann weiter mit Ladestopps.`,
+    leaveWithStops: (soc) =>
+      `Wenn Sie hier laden können: auf ${soc} oder mehr. Dann kommen Sie mit Ladestopps an.`,
     leaveWithout: (soc) => `Um ohne Ladestopp zu fahren: mit mindestens ${soc} losfahren.`,
     chargedFirst: (soc) => `Oder, wenn Sie vor der Abfahrt auf ${soc} laden können`,
+    noCharging: () => "Sie brauchen keinen Ladestopp, und bei 19 von 20 Fahrten bleibt die Reserve.",
     withoutStop: (time) =>
       `Ohne Ladestopp fahren: ${time} weniger unterwegs, und die Reserve bei 19 von 20 Fahrten.`,
     onlyInPause: (time) => `Direkt hinfahren und nur in der Pause laden: ${time} weniger unterwegs.`,
-    notNow: (soc, left, chance) =>
-      `Fahren Sie nicht mit ${soc} direkt hin: Sie kämen mit ${left} an, und nur bei ${chance} mit der Reserve.`,
+    notNow: (soc, left, chance, atAll) =>
+      `Fahren Sie nicht mit ${soc} direkt hin: Sie kämen mit ${left} an, nur bei ${chance} mit der Reserve, und überhaupt bei ${atAll}.`,
     notEnough: "Auch eine volle Batterie reicht nicht ohne Ladestopp.",
     anyCharge: (reserve) => `Jeder Ladestand reicht: bei 19 von 20 Fahrten bleiben mindestens ${reserve}.`,
     chargeFirst: (soc, isLow) =>
@@ -177,16 +179,17 @@ const de: Text = {
     arriveThere: (range) => `Ankunft dort mit ${range}`,
     reached: (chance) => `mit der Reserve bei ${chance}`,
     reachedAtAll: (chance, range) => `Sie kommen dort bei ${chance} an${range && `, mit ${range}`}.`,
-    orCall: "Ist Ihnen das zu unsicher, rufen Sie den Pannendienst.",
+    orCall: "Ist Ihnen das zu unsicher, rufen Sie vor der Abfahrt den Pannendienst.",
     driveGently: "Langsam fahren, Heizung und Klimaanlage ausschalten: Beides hilft.",
     preheat: "Batterie auf dem Weg dorthin vorwärmen",
     plugs: { type2_combo: "CCS", chademo: "CHAdeMO", type2: "Typ 2", type2_cable: "Typ 2" },
     detour: (far) => `davon ${far} zu Ladestationen`,
-    neededBelow: (soc) => `nur nötig, wenn Sie dort weniger als ${soc} haben`,
+    neededBelow: (soc) => `fahren Sie weiter, wenn Sie dort ${soc} oder mehr haben`,
     ifFull: (station, arrival, more, chance) =>
       `Falls besetzt: ${station}, erreicht mit ${arrival} (${chance})${more && `, ${more}`}.`,
     noOther: (safer) =>
-      `Ist sie bei Ankunft besetzt, warten Sie: Keine andere auf dem Weg ist in Reichweite.${safer ? ` Mit „${safer}“ unten gibt es immer eine andere.` : ""}`,
+      `Ist sie bei Ankunft besetzt, warten Sie: Keine andere auf dem Weg ist in Reichweite.${safer ? ` Bei „${safer}“ unten ist immer eine andere in Reichweite.` : ""}`,
+    laterInPause: "Ist sie besetzt, versuchen Sie es später in der Pause.",
     longer: (time) => `${time} länger`,
     more: (figure) => `${figure} mehr`,
     less: (figure) => `${figure} weniger`,
@@ -310,7 +313,7 @@ const de: Text = {
     emptyAfter: (distance) => `Leer nach etwa ${distance}`,
     emptyBetween: (from, to) => ` (${from} bis ${to})`,
     missing: (energy, range) => `es fehlen ${energy} (${range})`,
-    atBest: (soc) => `bestenfalls ${soc}`,
+    atBest: (soc) => `${soc} oder weniger`,
     announcedEmpty: (distance) => `Prognose: Die Batterie ist nach etwa ${distance} leer.`,
     energy: "Energie",
     consumption: "Verbrauch",
@@ -363,9 +366,8 @@ const de: Text = {
     thereFirst: (far) => `Nach ${far} laden, dann kommen Sie an`,
     belowReserve: "Sie kommen an, aber vielleicht unter der Reserve",
     stopBelow: (station, isLikely) =>
-      `Sie kommen an, aber ${isLikely ? "" : "vielleicht "}unter Ihrer Reserve an „${station}“`,
+      `Sie kommen an, an „${station}“ aber ${isLikely ? "" : "vielleicht "}mit weniger als der Reserve`,
     stopMissed: (station) => `Sie erreichen „${station}“ vielleicht nicht`,
-    mostlyBelow: "Sie kommen wahrscheinlich unter der Reserve an",
     doNotSetOut: (far) => `Fahren Sie nicht los: Der Ladestand reicht etwa ${far}`,
     perhaps: "Sie kommen vielleicht nicht an",
     leavesBelow: (reserve) => `Sie fahren mit weniger als Ihrer Reserve von ${reserve} los.`,

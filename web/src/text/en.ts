@@ -121,15 +121,17 @@ export const en = {
       `Leave with ${soc}: about ${expected} on arrival, at least ${reserve} in 19 of 20 trips.`,
     justEnough: (soc: string, spares: boolean) =>
       `${soc} is enough${spares ? ", with little to spare" : ". With less you have to charge on the way"}.`,
-    leaveWithStops: (soc: string) => `If you can, charge to ${soc} or more first; then go with stops.`,
+    leaveWithStops: (soc: string) =>
+      `If you can charge here: to ${soc} or more. Then you arrive, with charging stops.`,
     leaveWithout: (soc: string) => `To drive without a stop: leave with ${soc} or more.`,
     chargedFirst: (soc: string) => `Or, if you can charge to ${soc} before you leave`,
+    noCharging: () => "You need no charging stop, and the reserve is kept in 19 of 20 trips.",
     withoutStop: (time: string) =>
       `Drive without a charging stop: ${time} less on the way, and the reserve in 19 of 20 trips.`,
     onlyInPause: (time: string) =>
       `Drive straight there and charge in the pause only: ${time} less on the way.`,
-    notNow: (soc: string, left: string, chance: string) =>
-      `Do not drive straight there with ${soc}: you would arrive with ${left}, and with the reserve in only ${chance}.`,
+    notNow: (soc: string, left: string, chance: string, atAll: string) =>
+      `Do not drive straight there with ${soc}: you would arrive with ${left}, with the reserve in only ${chance}, and at all in ${atAll}.`,
     notEnough: "Even a full battery is not enough without a charging stop.",
     anyCharge: (reserve: string) => `Any charge is enough to arrive with ${reserve} in 19 of 20 trips.`,
     chargeFirst: (soc: string, isLow: boolean) =>
@@ -175,16 +177,17 @@ export const en = {
     reached: (chance: string) => `with the reserve in ${chance}`,
     reachedAtAll: (chance: string, range: string) =>
       `You get there in ${chance}${range && `, with ${range}`}.`,
-    orCall: "If that is too uncertain, call roadside assistance.",
+    orCall: "If that is too uncertain, call roadside assistance before you leave.",
     driveGently: "Drive slowly and switch heating and air conditioning off: both help.",
     preheat: "warm up the battery on the way there",
     plugs: { type2_combo: "CCS", chademo: "CHAdeMO", type2: "Type 2", type2_cable: "Type 2" },
     detour: (far: string) => `${far} of it to charging stations`,
-    neededBelow: (soc: string) => `only needed if you have less than ${soc} there`,
+    neededBelow: (soc: string) => `drive on if you have ${soc} or more there`,
     ifFull: (station: string, arrival: string, more: string, chance: string) =>
       `If it is full: ${station}, reached with ${arrival} (${chance})${more && `, ${more}`}.`,
     noOther: (safer?: string) =>
-      `If it is occupied when you are there, wait: no other station on the way is in reach.${safer ? ` With “${safer}” below there is always another one.` : ""}`,
+      `If it is occupied when you are there, wait: no other station on the way is in reach.${safer ? ` With “${safer}” below, each station has another one in reach.` : ""}`,
+    laterInPause: "If it is occupied, try again later in the pause.",
     longer: (time: string) => `${time} longer`,
     more: (figure: string) => `${figure} more`,
     less: (figure: string) => `${figure} less`,
@@ -308,7 +311,7 @@ export const en = {
     emptyAfter: (distance: string) => `Empty after about ${distance}`,
     emptyBetween: (from: string, to: string) => ` (${from} to ${to})`,
     missing: (energy: string, range: string) => `${energy} (${range}) too little in the battery`,
-    atBest: (soc: string) => `at best ${soc}`,
+    atBest: (soc: string) => `${soc} or less`,
     announcedEmpty: (distance: string) => `Forecast: the battery is empty after about ${distance}.`,
     energy: "Energy",
     consumption: "Consumption",
@@ -364,7 +367,6 @@ export const en = {
     stopBelow: (station: string, isLikely: boolean) =>
       `You will arrive, but ${isLikely ? "" : "perhaps "}below your reserve at ${station}`,
     stopMissed: (station: string) => `You may not reach ${station}`,
-    mostlyBelow: "You will probably arrive below the reserve",
     doNotSetOut: (far: string) => `Do not set out: the charge lasts about ${far}`,
     perhaps: "You may not arrive",
     leavesBelow: (reserve: string) => `You leave with less than your reserve of ${reserve}.`,

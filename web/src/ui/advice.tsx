@@ -1,6 +1,7 @@
 /** What to do about the trip: the least that makes it arrive, then what each action saves. */
 
 import type { Advised, AdvisedAction, SpeedCap, Whole } from "../api/documents";
+import { BELOW } from "../model/answer";
 import { verdictOf } from "../model/arrival";
 import { ENERGY, PERCENT, POWER } from "../model/units";
 import { advice, adviceIsOld } from "../state/advice";
@@ -76,6 +77,7 @@ function wholeText({ duration_s, charges, p_reserve }: Whole, now: Whole): strin
     : text.value.journey[more < 0 ? "less" : "more"](duration(Math.abs(more)));
   const whole = words.whole(duration(duration_s), charges, change);
   if (verdictOf(p_reserve) === "good") return whole;
+  if (journey.value?.verdict.reason === BELOW) return `${whole} · ${chanceInFigures(p_reserve)}`;
   return `${whole} · ${text.value.journey.reached(chanceInFigures(p_reserve))}`;
 }
 

@@ -1,7 +1,7 @@
 import { useEffect, useState } from "preact/hooks";
 import { emptyAfterM, likelihoodOf } from "../model/arrival";
 import { PERCENT } from "../model/units";
-import { answer, chargingPlan, isLate, isLookingForStops } from "../state/answer";
+import { answer, chargingPlan, isLate, isLookingForStops, stopInDoubt } from "../state/answer";
 import { shownForecast, arrived, playing } from "../state/drive";
 import { problem } from "../state/forecast";
 import { format, text, units } from "../state/preferences";
@@ -21,7 +21,7 @@ function sentence(): string {
     emptyM === null
       ? result.announced(soc, rangeWithUnit(now.interval, PERCENT))
       : result.announcedEmpty(format.value.shown(emptyM, units.value.distance, 0));
-  if (now.pReserve === null) return forecast;
+  if (now.pReserve === null || stopInDoubt.value) return forecast;
   return `${forecast} ${chance.announced(chance.words[likelihoodOf(now.pReserve)])}`;
 }
 

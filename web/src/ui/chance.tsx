@@ -17,7 +17,7 @@ interface Props {
 export function Chance({ verdict, chance, reserve, atAll, of = "end" }: Props) {
   const { chance: words } = text.value;
   const kept = reserve > 0 ? words.withReserve[of](format.value.shown(reserve, PERCENT)) : words.withCharge;
-  const keptAlone = kept.replace(/^\W*\w/, (first) => first.trim().toUpperCase()); // begins a line
+  const keptAlone = kept.replace(/^\W*(\w)/, (_, first: string) => first.toUpperCase()); // begins a line
   const isBelow = reserve > 0 && chance < 0.5 && atAll >= 0.5;
   return (
     <p class={`chance chance-${verdict}`}>

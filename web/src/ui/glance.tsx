@@ -1,5 +1,4 @@
 import { useEffect, useState } from "preact/hooks";
-import { decisiveChance } from "../model/answer";
 import { emptyAfterM } from "../model/arrival";
 import { PERCENT } from "../model/units";
 import { answer, chargingPlan, isLate, isLookingForStops, lowestStop } from "../state/answer";
@@ -23,7 +22,7 @@ export function Glance() {
   if (!of || !now || !isHidden || isLookingForStops.value || source.value === "distance") return null;
   const stop = lowestStop.value;
   const emptyM = chargingPlan.value ? null : emptyAfterM(of);
-  const { result, verdict } = text.value;
+  const { chance, result, verdict } = text.value;
   const { shown } = format.value;
   const interval = rangeWithUnit(stop?.soc_interval ?? now.interval, PERCENT);
   if (isLate.value) return <div class="glance">{verdict.calculating}</div>;
@@ -35,7 +34,7 @@ export function Glance() {
           ? result.glance(interval, stop && stationName(stop.station))
           : result.emptyAfter(shown(emptyM, units.value.distance, 0))}
       </span>
-      <span>{result.glanceReserve(chanceInFigures(decisiveChance(now)))}</span>
+      <span>{chance.atAll(chanceInFigures(now.pArrive))}</span>
     </div>
   );
 }

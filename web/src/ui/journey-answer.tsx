@@ -25,8 +25,6 @@ import {
 /** Smaller differences between roads are none. */
 const MIN_SHOWN_S = 30;
 const MIN_SHOWN_WH = 10;
-/** With a smaller chance, a road does not arrive. */
-const DOES_NOT = 0.045;
 
 /** What a road is, such as "fastest"; a number where the service gives no label. */
 export function labelOf({ roads }: Journey, index: number): string {
@@ -54,7 +52,7 @@ function Doubt({ whole: { p_arrive, p_reserve } }: { whole: Alternative[1] }) {
   const verdict = verdictOfAnswer({ pArrive: p_arrive, pReserve: p_reserve });
   if (verdict === "good") return <small class="unseen">{chanceInFigures(p_reserve)}</small>;
   const reserve = p_reserve < 0.5 ? journey.below : result.glanceReserve(chanceInFigures(p_reserve));
-  const arrives = p_arrive < DOES_NOT ? journey.doesNotArrive : chance.atAll(chanceInFigures(p_arrive));
+  const arrives = p_arrive < 0.045 ? journey.doesNotArrive : chance.atAll(chanceInFigures(p_arrive));
   return <small class={`chance-${verdict}`}>{verdict === "open" ? reserve : arrives}</small>;
 }
 
@@ -106,8 +104,9 @@ function saferText(): string | undefined {
 }
 
 /** What to do if a station is occupied. */
-export function occupiedText({ if_full: full }: Stop): string {
+export function occupiedText({ if_full: full, pause_s }: Stop): string {
   const { journey: words } = text.value;
+  if (!full && pause_s > 0) return words.laterInPause;
   const { duration, shown } = format.value;
   if (!full) return words.noOther(saferText());
   return words.ifFull(

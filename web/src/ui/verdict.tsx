@@ -129,8 +129,7 @@ function sentence(now: Answer): string {
   }
   if (now.pArrive >= OPEN[1]) return words.belowReserve;
   if (decisiveChance(now) >= PROBABLE) return probably;
-  if (decisiveChance(now) >= 0.5) return words.perhaps;
-  if (now.pArrive >= 0.5) return words.mostlyBelow;
+  if (now.pArrive >= 0.5) return words.perhaps;
   if (now.charges > 0) return words.notWithStops;
   return now.pArrive >= OPEN[0] ? words.probablyNot : words.not;
 }
@@ -149,14 +148,12 @@ function Empty({ of, afterM }: { of: Forecast; afterM: number }) {
   const { result } = text.value;
   const { shown } = format.value;
   const { least, expected, most } = of.missing_wh;
-  const best = of.series.displayed_soc_high.at(-1) as number;
   return (
     <>
       {result.emptyAfter(lastsText(of, afterM))}
       <span class="missing">
         {result.missing(shown(expected, ENERGY, 1), range([least, most], ENERGY, 1))}
       </span>
-      {best >= SHOWN_SOC && <span class="missing">{result.atBest(shown(best, PERCENT))}</span>}
     </>
   );
 }
@@ -320,8 +317,8 @@ function FirstStop({ of, chance }: { of: Stop; chance: number }) {
   const texts = [
     isBelow && of.position_m >= HERE_M && reached,
     of.p_reach < OPEN[1] && words.driveGently,
-    Math.max(of.p_reach, chance) < OPEN[1] && words.orCall,
     !of.if_full && occupiedText(of), // another station stands in the list of stops
+    Math.max(of.p_reach, chance) < OPEN[1] && words.orCall,
   ];
   return texts.map((one) => one && <li key={one}>{one}</li>);
 }
@@ -385,24 +382,26 @@ function ChargedFirst({ of, plan, needed }: { of: Trip; plan: ChargingPlan; need
   const ask = async () => (pausing > 0 ? askJourney(body, false) : null);
   const there = useAsked(ask, [pausing, JSON.stringify(body)]);
   const forecast = there?.roads[0]?.forecast;
-  const least = forecast && there ? there.soc_needed + 0.01 : pausing < 0 ? needed : undefined; // the way back has its risk, too
+  const least = forecast && there ? there.soc_needed + 0.01 : pausing > 0 ? undefined : needed; // the way back has its risk, too
   const alone = journey.value?.roads[chosenRoad.value];
   const { soc, reserve } = conditions.value;
   if (least === undefined || least > 1 || least <= soc || !alone) return null;
   const { journey: words } = text.value;
   const { duration, shown } = format.value;
   const lessS = plan.driving_s + plan.charging_s - alone.duration_s;
-  const chance = chanceInFigures((forecast && chanceOf(forecast, reserve)) ?? 0);
+  const way = pausing === 0 ? "noCharging" : forecast ? "onlyInPause" : "withoutStop";
+  const kept = (forecast && chanceOf(forecast, reserve)) ?? 0;
+  const chances = [kept, forecast ? chanceAtAll(forecast) : 0].map(chanceInFigures) as [string, string];
   return (
     <>
       {forecast && (
         <ul>
-          <li>{words.notNow(shown(soc, PERCENT), shown(forecast.soc_arrival, PERCENT), chance)}</li>
+          <li>{words.notNow(shown(soc, PERCENT), shown(forecast.soc_arrival, PERCENT), ...chances)}</li>
         </ul>
       )}
       <h3>{words.chargedFirst(upwards(least))}</h3>
       <ul>
-        <li>{words[forecast ? "onlyInPause" : "withoutStop"](duration(lessS))}</li>
+        <li>{words[way](duration(lessS))}</li>
       </ul>
     </>
   );
@@ -447,7 +446,7 @@ function ToDo({ of }: { of: Forecast }) {
 function HowSure({ of, now }: { of: Forecast; now: Answer }) {
   const others = mode.value === "compare" ? (alternative.value?.flags ?? []) : [];
   const chance = decisiveChance(now);
-  const isOpen = chance > OPEN[0] && chance < OPEN[1];
+  const isOpen = chance > OPEN[0] && chance < OPEN[1] && reasonOfJourney() !== BELOW;
   const { verdict: words, result, ownCars: ownWords } = text.value;
   const ofRoad = of.flags.filter(({ code }) => !chargingPlan.value || code !== EMPTY);
   const flags = [...ofRoad, ...(journey.value?.flags ?? [])];
@@ -456,7 +455,7 @@ function HowSure({ of, now }: { of: Forecast; now: Answer }) {
   const own = ownCars.value?.find(({ name }) => name === car.value?.own);
   return (
     <>
-      {isOpen && reasonOfJourney() !== BELOW && <Warnings flags={flags} others={others} serious />}
+      {isOpen && <Warnings flags={flags} others={others} serious />}
       <details class="sure">
         <summary>
           <b>{words.sure}</b>
