@@ -572,7 +572,7 @@ def test_the_figures_of_a_way_back_are_those_of_its_end(page: Any, expected: lis
         words.replace("\u00a0", " ") for words in page.locator(".todo li").all_inner_texts()
     ]
     assert re.match(
-        "Do not drive straight there with [0-9]+ %: you would arrive with [0-9]+ %, and with", now
+        "Do not drive straight there with [0-9]+ %: you would arrive with [0-9]+ %, with the", now
     )
     assert re.match("Drive straight there and charge in the pause only: .* less on the way.", better)
     assert [words.split(" ")[0] for words in told[:4]] == ["Drive", "At", "Charge", "Drive"]
