@@ -130,7 +130,9 @@ const de: Text = {
     leaveWithStops: (soc) =>
       `Wenn Sie hier laden können: auf ${soc} oder mehr. Dann kommen Sie mit Ladestopps an.`,
     leaveWithout: (soc) => `Um ohne Ladestopp zu fahren: mit mindestens ${soc} losfahren.`,
-    chargedFirst: (soc) => `Oder, wenn Sie vor der Abfahrt auf ${soc} laden können`,
+    chargedFirst: (soc, isOr) =>
+      `${isOr ? "Oder, wenn" : "Wenn"} Sie vor der Abfahrt auf ${soc} laden können`,
+    otherwise: "Sonst",
     noCharging: () => "Sie brauchen keinen Ladestopp, und bei 19 von 20 Fahrten bleibt die Reserve.",
     withoutStop: (time) =>
       `Ohne Ladestopp fahren: ${time} weniger unterwegs, und die Reserve bei 19 von 20 Fahrten.`,
@@ -188,7 +190,7 @@ const de: Text = {
     ifFull: (station, arrival, more, chance) =>
       `Falls besetzt: ${station}, erreicht mit ${arrival} (${chance})${more && `, ${more}`}.`,
     noOther: (safer) =>
-      `Ist sie bei Ankunft besetzt, warten Sie: Keine andere auf dem Weg ist in Reichweite.${safer ? ` Bei „${safer}“ unten ist immer eine andere in Reichweite.` : ""}`,
+      `Ist sie bei Ankunft besetzt, warten Sie: Keine andere auf dem Weg ist in Reichweite.${safer ? ` In einem anderen Plan unten (${safer}) ist immer eine andere in Reichweite.` : ""}`,
     laterInPause: "Ist sie besetzt, versuchen Sie es später in der Pause.",
     longer: (time) => `${time} länger`,
     more: (figure) => `${figure} mehr`,
@@ -438,12 +440,6 @@ const de: Text = {
     whyCaption: "Was sich ändert, nach Ursachen; die Summe der Teile ist die Ersparnis",
     whyNote: (unit) => `In ${unit}: − wird gespart, + kommt hinzu.`,
     inAll: "Insgesamt",
-    speeds: "Langsamer fahren auf dieser Strecke",
-    keep: "Höchstens",
-    minutes: "Länger",
-    less: "Ersparnis",
-    quicker: "Insgesamt schneller, wenn Sie laden mit",
-    below: (power) => `weniger als ${power}`,
     actions: {
       slower: (speed) => `Höchstens ${speed} fahren`,
       calmer: "Sanft beschleunigen und bremsen",
@@ -484,6 +480,7 @@ const de: Text = {
       stops: (reserve) => `: ${reserve} oder mehr an jedem Stopp und am Ziel`,
       fromFirst: (reserve) => `: Sie erreichen den ersten Stopp und haben danach immer ${reserve} oder mehr`,
     },
+    risky: "Nicht sicher",
     withCharge: ": Ankunft, bevor die Batterie leer ist",
     atAll: (figures) => `Ankommen: ${figures}`,
     announced: (word) => `${word}: Ankunft mit der Reserve.`,

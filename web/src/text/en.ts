@@ -124,7 +124,9 @@ export const en = {
     leaveWithStops: (soc: string) =>
       `If you can charge here: to ${soc} or more. Then you arrive, with charging stops.`,
     leaveWithout: (soc: string) => `To drive without a stop: leave with ${soc} or more.`,
-    chargedFirst: (soc: string) => `Or, if you can charge to ${soc} before you leave`,
+    chargedFirst: (soc: string, isOr: boolean) =>
+      `${isOr ? "Or, if" : "If"} you can charge to ${soc} before you leave`,
+    otherwise: "Otherwise",
     noCharging: () => "You need no charging stop, and the reserve is kept in 19 of 20 trips.",
     withoutStop: (time: string) =>
       `Drive without a charging stop: ${time} less on the way, and the reserve in 19 of 20 trips.`,
@@ -186,7 +188,7 @@ export const en = {
     ifFull: (station: string, arrival: string, more: string, chance: string) =>
       `If it is full: ${station}, reached with ${arrival} (${chance})${more && `, ${more}`}.`,
     noOther: (safer?: string) =>
-      `If it is occupied when you are there, wait: no other station on the way is in reach.${safer ? ` With “${safer}” below, each station has another one in reach.` : ""}`,
+      `If it is occupied when you are there, wait: no other station on the way is in reach.${safer ? ` In another plan below (${safer}), each station has another one in reach.` : ""}`,
     laterInPause: "If it is occupied, try again later in the pause.",
     longer: (time: string) => `${time} longer`,
     more: (figure: string) => `${figure} more`,
@@ -438,12 +440,6 @@ export const en = {
     whyCaption: "What changes, by cause; the parts add up to the saving",
     whyNote: (unit: string) => `In ${unit}: − is saved, + is added.`,
     inAll: "In all",
-    speeds: "Driving slower on this route",
-    keep: "At most",
-    minutes: "Longer",
-    less: "Energy saved",
-    quicker: "Faster overall if you charge at",
-    below: (power: string) => `less than ${power}`,
     actions: {
       slower: (speed: string) => `Drive at most ${speed}`,
       calmer: "Accelerate and brake gently",
@@ -486,6 +482,7 @@ export const en = {
       fromFirst: (reserve: string) =>
         ` to reach the first stop, and to have ${reserve} or more from there on`,
     },
+    risky: "Not certain",
     withCharge: " to arrive before the battery is empty",
     atAll: (figures: string) => `To arrive at all: ${figures}`,
     announced: (word: string) => `${word} to keep the reserve.`,

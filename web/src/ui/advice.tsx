@@ -1,16 +1,15 @@
 /** What to do about the trip: the least that makes it arrive, then what each action saves. */
 
-import type { Advised, AdvisedAction, SpeedCap, Whole } from "../api/documents";
+import type { Advised, AdvisedAction, Whole } from "../api/documents";
 import { BELOW } from "../model/answer";
 import { verdictOf } from "../model/arrival";
-import { ENERGY, PERCENT, POWER } from "../model/units";
+import { ENERGY, PERCENT } from "../model/units";
 import { advice, adviceIsOld } from "../state/advice";
 import { source } from "../state/catalogue";
 import { conditions } from "../state/conditions";
 import { chosenCharging, chosenRoad, journey } from "../state/journey";
 import { format, text, units } from "../state/preferences";
 import { Waterfall } from "./causes";
-import { DataTable } from "./data-table";
 import { labelOf } from "./journey-answer";
 import { chanceInFigures, clockText, range } from "./wording";
 
@@ -108,30 +107,9 @@ function Saving({ of, now }: { of: Advised; now: Whole | null }) {
   );
 }
 
-/** Highest speeds, what each costs and saves, and the charging below which it is quicker in all. */
-function Speeds({ of }: { of: SpeedCap[] }) {
-  const { advice: words } = text.value;
-  const { shown, span } = format.value;
-  return (
-    <details>
-      <summary>{words.speeds}</summary>
-      <DataTable label={words.speeds} heads={[words.keep, words.minutes, words.less, words.quicker]}>
-        {of.map((cap) => (
-          <tr key={cap.speed_m_s}>
-            <th scope="row">{shown(cap.speed_m_s, units.value.speed)}</th>
-            <td>{cap.longer_s >= MIN_SHOWN_S ? span(cap.longer_s) : "–"}</td>
-            <td>{shown(cap.saved_wh, ENERGY)}</td>
-            <td>{words.below(shown(cap.charging_w, POWER))}</td>
-          </tr>
-        ))}
-      </DataTable>
-    </details>
-  );
-}
-
 export function AdviceCard() {
   const found = advice.value;
-  if (!found || source.value === "distance" || found.singly.length + found.speeds.length === 0) return null;
+  if (!found || source.value === "distance" || found.singly.length === 0) return null;
   const { advice: words } = text.value;
   const wanted = format.value.shown(found.probability, PERCENT);
   const arrivesWithStops = found.whole !== null && found.whole.p_reserve >= found.probability;
@@ -160,7 +138,6 @@ export function AdviceCard() {
           <Saving key={togetherText(one)} of={one} now={found.whole} />
         ))}
       </ul>
-      {found.speeds.length > 0 && <Speeds of={found.speeds} />}
     </section>
   );
 }

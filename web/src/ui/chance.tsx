@@ -18,12 +18,13 @@ export function Chance({ verdict, chance, reserve, atAll, of = "end" }: Props) {
   const { chance: words } = text.value;
   const kept = reserve > 0 ? words.withReserve[of](format.value.shown(reserve, PERCENT)) : words.withCharge;
   const keptAlone = kept.replace(/^\W*(\w)/, (_, first: string) => first.toUpperCase()); // begins a line
+  const isRisky = verdict === "bad" && atAll >= 0.5; // "likely" says too much of a car that may strand
   const isBelow = reserve > 0 && chance < 0.5 && atAll >= 0.5;
   return (
     <p class={`chance chance-${verdict}`}>
       <Icon name={verdict === "good" ? "check" : "warning"} />
       <span>
-        <strong>{words.words[likelihoodOf(isBelow ? atAll : chance)]}</strong>
+        <strong>{isRisky ? words.risky : words.words[likelihoodOf(isBelow ? atAll : chance)]}</strong>
         {isBelow ? words.withCharge : kept}
         <span class="figures"> · {chanceInFigures(isBelow ? atAll : chance)}</span>
         {reserve > 0 && (

@@ -93,14 +93,17 @@ function Ways({ label, all, chosen, onChoose }: WaysProps) {
   return <Choice label={label} class="roads" value={firstOf(chosen)} options={once} onChoose={onChoose} />;
 }
 
-/** A plan or a route that arrives and always has another station in reach, in words; undefined where there is none. */
+/** A plan or a route that arrives and always has another station in reach, with its additional time; undefined where there is none. */
 function saferText(): string | undefined {
+  const { journey: words } = text.value;
   const isSafe = (plan: ChargingPlan | null) =>
     plan !== null && verdictOf(plan.p_reserve) === "good" && plan.stops.every(({ if_full }) => if_full);
   const plan = chargingPlans.value.find(isSafe);
-  const road = journey.value?.roads.findIndex(({ charging }) => isSafe(charging)) ?? -1;
-  if (plan) return text.value.journey.plans[plan.label];
-  return road < 0 ? undefined : labelOf(journey.value as Journey, road);
+  const at = journey.value?.roads.findIndex(({ charging }) => isSafe(charging)) ?? -1;
+  const road = journey.value?.roads[at]?.charging;
+  const name = plan ? words.plans[plan.label] : road ? labelOf(journey.value as Journey, at) : undefined;
+  const moreS = ((plan ?? road)?.duration_s ?? 0) - (chargingPlan.value?.duration_s ?? 0);
+  return name && `${name}, ${words.longer(format.value.duration(Math.max(moreS, 0)))}`;
 }
 
 /** What to do if a station is occupied. */

@@ -309,17 +309,16 @@ function StopText({ of, fromM }: { of: Stop; fromM: number }) {
   );
 }
 
-/** What has to be known of the first stop besides, each as an item of the list. */
-function FirstStop({ of, chance }: { of: Stop; chance: number }) {
+/** What has to be known of the first stop before, or `after` it, each as an item of the list. */
+function FirstStop({ of, chance, after }: { of: Stop; chance: number; after: boolean }) {
   const { journey: words } = text.value;
-  const isBelow = reasonOfJourney() === BELOW;
-  const reached = words.reachedAtAll(chanceInFigures(of.p_reach), bandText(of.soc_interval));
-  const texts = [
-    isBelow && of.position_m >= HERE_M && reached,
-    of.p_reach < OPEN[1] && words.driveGently,
-    !of.if_full && occupiedText(of), // another station stands in the list of stops
-    Math.max(of.p_reach, chance) < OPEN[1] && words.orCall,
-  ];
+  const isTold = reasonOfJourney() === BELOW && of.position_m >= HERE_M;
+  const texts = after
+    ? [of.p_reach < OPEN[1] && words.driveGently, !of.if_full && occupiedText(of)] // another one is in the list of stops
+    : [
+        isTold && words.reachedAtAll(chanceInFigures(of.p_reach), bandText(of.soc_interval)),
+        Math.max(of.p_reach, chance) < OPEN[1] && words.orCall,
+      ];
   return texts.map((one) => one && <li key={one}>{one}</li>);
 }
 
@@ -327,10 +326,11 @@ function FirstStop({ of, chance }: { of: Stop; chance: number }) {
 function Halts({ plan }: { plan: ChargingPlan | null }) {
   return halts.value.map((one, k) => (
     <Fragment key={k}>
+      {plan && one === plan.stops[0] && <FirstStop of={one} chance={plan.p_arrive} after={false} />}
       <li>
         {"station" in one ? <StopText of={one} fromM={halts.value[k - 1]?.position_m ?? 0} /> : turnText(one)}
       </li>
-      {plan && one === plan.stops[0] && <FirstStop of={one} chance={plan.p_arrive} />}
+      {plan && one === plan.stops[0] && <FirstStop of={one} chance={plan.p_arrive} after />}
     </Fragment>
   ));
 }
@@ -394,15 +394,14 @@ function ChargedFirst({ of, plan, needed }: { of: Trip; plan: ChargingPlan; need
   const chances = [kept, forecast ? chanceAtAll(forecast) : 0].map(chanceInFigures) as [string, string];
   return (
     <>
-      {forecast && (
-        <ul>
-          <li>{words.notNow(shown(soc, PERCENT), shown(forecast.soc_arrival, PERCENT), ...chances)}</li>
-        </ul>
-      )}
-      <h3>{words.chargedFirst(upwards(least))}</h3>
+      <h3>{words.chargedFirst(upwards(least), !forecast)}</h3>
       <ul>
         <li>{words[way](duration(lessS))}</li>
+        {forecast && (
+          <li>{words.notNow(shown(soc, PERCENT), shown(forecast.soc_arrival, PERCENT), ...chances)}</li>
+        )}
       </ul>
+      {forecast && <h3>{words.otherwise}</h3>}
     </>
   );
 }
@@ -430,14 +429,24 @@ function ToDo({ of }: { of: Forecast }) {
       !!speed &&
       words.atMost(format.value.shown(speed, units.value.speed, 0)),
   ];
+  const isFirst = (plan?.stops.findIndex(({ pause_s }) => pause_s > 0) ?? 0) > 0;
+  const charged = plan && trip.value && !isLow.value && (
+    <ChargedFirst of={trip.value} plan={plan} needed={needed} />
+  );
   return (
     <div class={`journey-answer todo${isOld ? " old" : ""}`} aria-busy={isOld}>
+      {isFirst && charged}
+      {stopsHelp && (
+        <ul>
+          <li>{words.leaveWithStops(upwards(withStops))}</li>
+        </ul>
+      )}
+      {stopsHelp && <h3>{words.otherwise}</h3>}
       <ul>
-        {stopsHelp && <li>{words.leaveWithStops(upwards(withStops))}</li>}
         {(plan || emptyAfterM(of) === null) && <Halts plan={plan} />}
         {texts.map((one, k) => one && <li key={k}>{one}</li>)}
       </ul>
-      {plan && trip.value && !isLow.value && <ChargedFirst of={trip.value} plan={plan} needed={needed} />}
+      {!isFirst && charged}
     </div>
   );
 }
