@@ -565,9 +565,7 @@ def test_the_figures_of_a_way_back_are_those_of_its_end(page: Any, expected: lis
     page.keyboard.press("Enter")
     page.locator(".todo:not(.old) li", has_text="Pause of").wait_for()
 
-    page.get_by_role(
-        "heading", name=re.compile("^If you can charge to 99.% before you leave$")
-    ).wait_for()
+    page.get_by_role("heading", name=re.compile("^If you can charge to 99.% before you leave$")).wait_for()
     better, now, *told = [
         words.replace("\u00a0", " ") for words in page.locator(".todo li").all_inner_texts()
     ]
