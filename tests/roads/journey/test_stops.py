@@ -20,8 +20,8 @@ from tripwatt.roads.journey import Place, RoadForecast, RoadForecaster, planning
 from tripwatt.roads.journey import corridor as corridor_module
 from tripwatt.roads.journey.charging import WARM_DEGC
 from tripwatt.roads.journey.corridor import Corridor, Leg
-from tripwatt.roads.journey.solver import StopPlan
-from tripwatt.roads.journey.stops import variance_along
+from tripwatt.roads.journey.solver import StopPlan, StopProblem
+from tripwatt.roads.journey.stops import SAME_TIME_S, variance_along
 from tripwatt.roads.maps.heights import KnownHeights
 from tripwatt.roads.maps.stations import Plug, Station
 from tripwatt.trips.showing import period
@@ -268,6 +268,13 @@ def test_more_charge_is_never_worse_around_the_reserve(model):
     assert chances == sorted(chances)
     assert chances[1] < 0.5 < chances[3] < chances[4] < 0.95
     assert [each.charging is not None for each in found] == [chance >= 0.5 for chance in chances]
+
+
+def test_a_plan_of_best_effort_is_as_fast_as_others_to_within_a_stop():
+    """A tenth of the display that is missing does not hide minutes in the tolerance of the search."""
+    problem = StopProblem(0.1, *np.full((2, 2, 2), 0.2), np.ones((2, 2)), np.ones((2, 2)), 0.0, np.zeros(2))
+    cost_s = corridor_module._problem_for_label(problem, plans.BEST_EFFORT).time_s[0, 1] - 1.0
+    assert 3600.0 < cost_s < SAME_TIME_S / corridor_module._TOLERANCE
 
 
 def test_stations_without_a_plug_of_the_car_are_left_out(model):

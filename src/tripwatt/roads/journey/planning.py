@@ -534,7 +534,9 @@ def journey_with(
 def _order(plans: Sequence[ChargingPlan], is_planned: bool) -> list[int]:
     """Return the order of roads by their plans: those that arrive first, then those with the higher chance, each from the fastest on.
 
-    Of two roads that keep the reserve with the same chance, the one that is more likely to arrive at all has the higher chance. If the first has stops, of the roads that take at most `SAME_TIME_S` more, the one with the fewest stops comes first, then the one
+    Of two roads that keep the reserve with the same chance, the one that is more likely to arrive at all has the higher chance.
+
+    If the first has stops, of the roads that take at most `SAME_TIME_S` more, the one with the fewest stops comes first, then the one
     with the least energy.
     """
     wanted = CERTAIN * is_planned

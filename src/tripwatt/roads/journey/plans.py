@@ -145,7 +145,8 @@ def _best_effort(corridor: Corridor) -> ChargingPlan | None:
 def helps(plan: ChargingPlan, corridor: Corridor) -> bool:
     """Return whether to drive a plan: if it is certain, or of best effort, better than the road without a stop, and arrives in 1 of 2 journeys.
 
-    It is better if it is more likely to keep the reserve, or as likely and more likely to arrive at all.
+    It is better if it is more likely to keep the reserve, or as likely and more likely to arrive at all. The bound is a choice: below it, most
+    would strand.
     """
     kept, arrived = (corridor.forecast.p_arrive(reserve) for reserve in (plan.reserve, 0.0))
     is_better = (round(plan.p_reserve, 2), plan.p_arrive) > (round(kept, 2), arrived)
