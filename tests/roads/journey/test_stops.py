@@ -270,6 +270,18 @@ def test_more_charge_is_never_worse_around_the_reserve(model):
     assert [each.charging is not None for each in found] == [chance >= 0.5 for chance in chances]
 
 
+def test_who_has_the_charge_to_leave_with_arrives_and_who_arrives_was_not_told_more(model):
+    """Legs of a small battery at -30 °C are estimated too high from the long road; they are routed before a charge is told."""
+    slow = tuple(replace(each, direct_current=False) for each in row(3, far=9.5, power_w=2.2e4))
+    car, at = for_car(model, "smart_eq_fortwo"), replace(MADE, stations=slow)
+    leaving = [replace(COLD, ambient_temperature_degc=-30.0, soc=soc) for soc in (0.03, 0.1, 0.2, 0.5)]
+    *low, half = (journey(car, each, (A, replace(FAR, longitude_deg=9.5)), at) for each in leaving)
+    assert half.arrives
+    told = {round(each.soc_needed_with_stops, 2) for each in low}
+    assert len(told) == 1
+    assert max(told) <= 0.5
+
+
 def test_a_plan_of_best_effort_is_as_fast_as_others_to_within_a_stop():
     """A tenth of the display that is missing does not hide minutes in the tolerance of the search."""
     problem = StopProblem(0.1, *np.full((2, 2, 2), 0.2), np.ones((2, 2)), np.ones((2, 2)), 0.0, np.zeros(2))

@@ -54,10 +54,8 @@ def find_plans(corridor: Corridor, *, alternatives: bool = True) -> tuple[Chargi
     first, risk = _best_certain_plan(corridor, "fastest", _LEG_RISKS[1])
     if first is None and corridor.detour_m < FARTHEST_M:
         return find_plans(replace(corridor, detour_m=FARTHEST_M), alternatives=alternatives)
-    if first is None:
-        return tuple(filter(None, [_best_effort(corridor)]))
-    if not alternatives:
-        return (first,)
+    if first is None or not alternatives:
+        return tuple(filter(None, [first or _best_effort(corridor)]))
     fewest, _ = _best_certain_plan(corridor, "fewest stops", risk)
     cheapest, _ = _best_certain_plan(corridor, "cheapest", risk)
     # a choice: the safest plan takes at most a quarter longer than the fastest
@@ -122,24 +120,27 @@ def _safest_plan(corridor: Corridor, max_s: float) -> ChargingPlan | None:
 
 
 def _best_effort(corridor: Corridor) -> ChargingPlan | None:
-    """Return the plan with the highest chance to reach its first station, with the charge that it needs at the start; None without a stop.
-
-    With the charge that it needs, the other legs make up for the first as far as they can without another stop.
-    """
-    reserve, tried = corridor.options.reserve, _SAFEST_CHANCES[-2:]
-    ways = [(corridor.optimum(chances, BEST_EFFORT), chances) for chances in tried]
+    """Return the plan with the highest chance, with the charge that a plan with stops needs at the start; None without a stop."""
+    reserve, tried = corridor.options.reserve, ((CERTAIN, CERTAIN), *_SAFEST_CHANCES[:-3:-1])
     plans = [
         _with_stops(corridor, ChargingPlan(BEST_EFFORT, (), corridor.legs_of(way), reserve), way, chances)
-        for way, chances in ways
-        if way is not None and len(way.nodes) > 2
+        for chances in tried  # the least first: it routes legs whose estimates are too high for the others
+        if (way := corridor.optimum(chances, BEST_EFFORT)) is not None and len(way.nodes) > 2
     ]
-    best = max(plans, key=lambda plan: plan.p_reserve, default=None)
+    best = max(
+        plans[::-1], key=lambda plan: (round(plan.p_reserve, 2), round(plan.p_arrive, 2)), default=None
+    )
     if best is None or best.p_reserve >= CERTAIN:
         return best and replace(best, label="fastest")
-    surest = min(plans[::-1], key=lambda plan: (math.prod(plan.leg_chances[1:]) < CERTAIN, len(plan.stops)))
-    first, chance = surest.legs[0], min(CERTAIN / math.prod(surest.leg_chances[1:]), 1.0 - _LEG_RISKS[0])
-    needed = soc_needed(first.forecast, min(reserve + first.preheat_soc, 1.0), chance)
-    return replace(plans[0], soc_needed=needed)
+    _, needed = min(map(_first_need, plans))
+    return replace(best, soc_needed=needed)
+
+
+def _first_need(plan: ChargingPlan) -> tuple[bool, float]:
+    """Return whether the legs after the first have too small a chance, and the charge that the first needs to make up for them."""
+    first, later = plan.legs[0], math.prod(plan.leg_chances[1:])
+    chance = min(CERTAIN / later, 1.0 - _LEG_RISKS[0])
+    return later < CERTAIN, soc_needed(first.forecast, min(plan.reserve + first.preheat_soc, 1.0), chance)
 
 
 def helps(plan: ChargingPlan, corridor: Corridor) -> bool:
