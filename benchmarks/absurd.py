@@ -88,10 +88,11 @@ def contradictions(journey: dict[str, Any]) -> Iterator[str]:
                 yield "a stop below 5 minutes"
             if stop["soc_leave"] <= stop["soc_arrival"]:
                 yield "a stop that loses charge"
-            if stop["charging_s"] < stop["pause_s"]:
-                yield "a car that leaves before its pause is over"
             if stop["position_m"] < 1000.0 and start >= reserve:
                 yield "a stop at the start"
+        stopped_s = [max(at["charging_s"] + at["overhead_s"] - at["pause_s"], 0.0) for at in plan["stops"]]
+        if abs(plan["charging_s"] - sum(stopped_s)) > 1.0:
+            yield "a time at stations that is not that of the stops"
         if (
             not plan["soc_interval"][0] - ROUNDING
             <= plan["soc_arrival"]

@@ -33,6 +33,7 @@ WRONG_PLAN = {
     "p_arrive": 0.8,
     "course": {"displayed_soc": [0.5], "time_s": [0.0]},
     "duration_s": 600.0,
+    "charging_s": 0.0,
 }
 FAR = Place(47.0, 11.2, "Far")
 LOW = replace(COLD, soc=0.7)
@@ -621,7 +622,7 @@ def test_who_is_low_drives_to_a_station_off_the_road_that_is_surely_reached(mode
 def test_random_journeys_do_not_contradict_themselves():
     for answer in journeys(10, seed=3):
         assert list(contradictions(answer)) == []
-        stop = {"charging_s": 60.0, "pause_s": 90.0}
+        stop = {"charging_s": 60.0, "overhead_s": 300.0, "pause_s": 90.0}
         stop |= {"soc_leave": 0.2, "soc_arrival": 0.3, "position_m": 0.0}
         wrong = answer | {"charging_alternatives": [WRONG_PLAN | {"stops": [stop]}]}
         is_low = answer["roads"][0]["forecast"]["series"]["displayed_soc"][0] < answer["reserve"]

@@ -83,9 +83,9 @@ class StopProblem:
         return np.asarray(np.arange(count) / (count - 1))
 
     def charge_s(self, node: int, arrival: float, leave: float) -> float:
-        """Return the time to charge at a station from one charge to another [s], at least `least_s`."""
+        """Return the time to charge at a station from one charge to another [s], at least `MIN_CHARGE_S`."""
         to_arrival_s, to_leave_s = np.interp([arrival, leave], self.levels, self.charging_s[node])
-        return float(max(to_leave_s - to_arrival_s, self.least_s[node]))
+        return float(max(to_leave_s - to_arrival_s, MIN_CHARGE_S))
 
     def level_after(self, node: int, arrival: float, leave: float) -> float:
         """Return the level to leave a station with: `leave`, or the level that `least_s` gives if it is higher."""
@@ -98,8 +98,8 @@ class StopProblem:
         total = sum(float(self.time_s[pair]) for pair in pairwise(nodes))
         for k in range(1, len(levels)):
             arrival = levels[k - 1] - float(self.taken[nodes[k - 1], nodes[k]])
-            total += self.charge_s(nodes[k], min(max(arrival, 0.0), 1.0), levels[k])
-            total += self.overhead_s - float(self.pause_s[nodes[k]])
+            charge_s = self.charge_s(nodes[k], min(max(arrival, 0.0), 1.0), levels[k])
+            total += max(charge_s + self.overhead_s - float(self.pause_s[nodes[k]]), 0.0)
         return total
 
     def among(self, nodes: IntArray) -> StopProblem:

@@ -101,7 +101,7 @@ class ChargingStop:
     if_full : NextStation or None
         Station to go to if this one is occupied; None if no other station helps.
     pause_s : float
-        Part of `charging_s` that is a pause of the journey [s].
+        Pause of the journey at this stop [s]; the car charges meanwhile, and leaves no sooner.
 
     Examples
     --------
@@ -129,7 +129,7 @@ class ChargingStop:
     @property
     def more_s(self) -> float:
         """Time that the stop adds to the journey [s]."""
-        return self.charging_s + self.overhead_s - self.pause_s
+        return max(self.charging_s + self.overhead_s - self.pause_s, 0.0)
 
     def to_dict(self) -> dict[str, Any]:
         """Convert the stop to plain values.
