@@ -28,8 +28,8 @@ import { atMotorwaySpeed, hasMotorway } from "../src/model/links";
 import { climbsOf, profileFromSamples, withElevationOf } from "../src/model/profile";
 import { ROADS } from "../generated/roads";
 import { linksOfDistance, KINDS, type RoadType, sharesOver, sufficing } from "../src/model/distance";
-import { EMPTY_ROW, linksOfRows, rowsOfLinks } from "../src/model/link-rows";
-import { sampleLinks } from "../src/model/sample-links";
+import type { Link } from "../src/api/documents";
+import { EMPTY_ROW, linksOfRows, SAMPLE_ROWS, SAMPLE_START_M } from "../src/model/link-rows";
 import { ENERGY, PERCENT, type System, type Units, systemOf, unitsOf } from "../src/model/units";
 import { allNear, near } from "./near";
 
@@ -232,11 +232,14 @@ test("another speed on the motorway alone", () => {
   near(slow[0] as number, travel_time_s[0] as number);
   near(slow[1] as number, 1200 / 25 + 2);
   near(slow[2] as number, 3000 / 25);
+  const gentle = atMotorwaySpeed(links, 5, 5).map((link) => link.length_m / (link.travel_time_s as number));
+  assert.ok(gentle.every((speed) => speed <= 5 + 1e-9));
 });
 
 test("the sample of links has a motorway and is joined up", () => {
-  const links = sampleLinks();
+  const links = linksOfRows(SAMPLE_ROWS, SAMPLE_START_M) as unknown as Link[];
   assert.ok(hasMotorway(links));
+  assert.deepEqual([links[0]?.start_elevation_m, links.at(-1)?.end_elevation_m], [510, 490]);
   for (const [k, link] of links.slice(1).entries()) {
     assert.equal(link.start_elevation_m, links[k]?.end_elevation_m);
   }
@@ -315,15 +318,5 @@ describe("links as rows of a table", () => {
       [20, 20],
     ]);
     assert.deepEqual(heights([row(1, 1)], 0), [[0, 0]]);
-  });
-
-  test("the sample of links comes back from its rows", () => {
-    const links = sampleLinks();
-    const { rows, startM } = rowsOfLinks(links);
-    assert.equal(startM, 510);
-    assert.deepEqual(linksOfRows(rows, startM), links);
-    const timed = rowsOfLinks([{ length_m: 100, travel_time_s: 8 }]);
-    assert.deepEqual(timed, { rows: [row(100, 12.5)], startM: null });
-    assert.deepEqual(rowsOfLinks([{ length_m: 100 }]).rows, [row(100, null)]);
   });
 });

@@ -415,8 +415,8 @@ def test_verdict_list_and_chart_speak_of_the_journey_with_its_charging_stop(page
         "Halbweg",
         "13\u00a0% to 45\u00a0%, for 12\u00a0min",
         "98 of 100 trips",
-        "If it is full: Beiweg",
-        "drive on if you have 14\u00a0% or more there",
+        "If it is occupied: Beiweg",
+        "needed only if you have less than 14\u00a0% there",
     ):
         assert part in stops.inner_text()
     assert page.locator(".mark-arrival").inner_text() == "42\u00a0%"
@@ -467,11 +467,10 @@ def test_who_charges_at_the_start_drives_nowhere_first_and_a_doubtful_charge_is_
     todo = page.locator(".todo:not(.old) li", has_text="Halbweg")
     todo.wait_for()
     told = [one.replace("\u00a0", " ") for one in page.locator(".todo li").all_inner_texts()]
-    first, gently, occupied, *_ = told
+    first, occupied, *_ = told
     charge = "Charge here, at “Halbweg”, for 12 min with about 25 kW, from 13 % to 45 %."
     assert first == charge
-    assert gently.startswith("Drive slowly")
-    assert occupied == "If it is occupied when you are there, wait: no other station on the way is in reach."
+    assert occupied == "If it is occupied when you are there, wait: no other station for this car is in reach."
     title = "You will arrive, but perhaps below your reserve at Halbweg"
     assert page.locator("#verdict-title").inner_text() == title
     figure = " ".join(page.locator(".verdict .arrival").inner_text().split())
@@ -490,9 +489,15 @@ def test_who_charges_at_the_start_drives_nowhere_first_and_a_doubtful_charge_is_
     there = page.locator(".todo:not(.old) li", has_text="You get there in 98 of 100 trips, with 11 to 15")
     there.wait_for()
     assert "you arrive there" not in page.locator(".stops").inner_text()  # once is enough
-    assert "drive on if" not in page.locator(".stops").inner_text()  # less than the charge there can be
+    assert "needed only if" not in page.locator(".stops").inner_text()  # less than the charge there can be
     from_there = "to reach the first stop, and to have 10\u00a0% or more from there on"
     assert from_there in page.locator(".verdict .chance").inner_text()
+    below = False
+    with page.expect_request(lambda sent: '"climate":"off"' in (sent.post_data or "") and "links" in sent.post_data) as asked:
+        whole_answer(page, lambda: page.get_by_role("slider", name="Battery at departure").fill("3"))
+        page.locator(".todo:not(.old) li", has_text="At most 60\u00a0km/h, with heating and").wait_for()
+    sent = asked.value.post_data_json  # the way to the station
+    assert all(3.6 * link["length_m"] < 60.1 * link["travel_time_s"] for link in sent["links"])
     page.unroute("**/v1/journeys")
 
 
@@ -565,7 +570,7 @@ def test_the_figures_of_a_way_back_are_those_of_its_end(page: Any, expected: lis
     page.keyboard.press("Enter")
     page.locator(".todo:not(.old) li", has_text="Pause of").wait_for()
 
-    page.get_by_role("heading", name=re.compile("^If you can charge to 99.% before you leave$")).wait_for()
+    page.get_by_role("heading", name=re.compile("^If you can charge to 99.% before you leave \\([0-9.]+.kWh more\\)$")).wait_for()
     better, now, *told = [
         words.replace("\u00a0", " ") for words in page.locator(".todo li").all_inner_texts()
     ]
@@ -573,9 +578,9 @@ def test_the_figures_of_a_way_back_are_those_of_its_end(page: Any, expected: lis
         "Do not drive straight there with [0-9]+ %: you would arrive with [0-9]+ %, with the", now
     )
     assert re.match("Drive straight there and charge in the pause only: .* less on the way.", better)
-    assert [words.split(" ")[0] for words in told[:4]] == ["Drive", "At", "Charge", "Drive"]
-    assert "with 55 %. Pause of 8 h; start back" in told[1]  # before the car charges in the pause
-    assert "in the pause (14 % is enough), from 13 % to 45 %" in told[2]
+    assert [words.split(" ")[0] for words in told[:5]] == ["Drive", "If", "At", "Charge", "Drive"]
+    assert "with 55 %. Pause of 8 h; start back" in told[2]  # before the car charges in the pause
+    assert re.search("for 12 min with about 25 kW in the pause \\(14 % is enough\\), from 13 % to 45 %", told[3])
     assert page.locator(".stops > li").count() == 4
     assert page.locator(".stops > li").nth(1).inner_text().startswith("At Ostheim")
     page.unroute("**/v1/journeys")

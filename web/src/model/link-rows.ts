@@ -1,7 +1,5 @@
 /** Links as the rows of a table, in which a value may be missing. */
 
-import type { Link } from "../api/documents";
-
 /** Null for an empty field. */
 export interface LinkRow {
   lengthM: number | null;
@@ -13,7 +11,7 @@ export interface LinkRow {
 export const EMPTY_ROW: LinkRow = { lengthM: null, speedMS: null, heightM: null };
 
 /** Links with at least this speed have no stop [m/s]: 54 km/h. */
-export const OPEN_ROAD_M_S = 15;
+const OPEN_ROAD_M_S = 15;
 
 /**
  * The rows as links; empty rows are left out, and a missing value stays missing for the service to name it.
@@ -38,12 +36,18 @@ export function linksOfRows(
   });
 }
 
-/** Rows and elevation at the start of links. */
-export function rowsOfLinks(links: readonly Link[]): { rows: LinkRow[]; startM: number | null } {
-  const rows = links.map((link) => ({
-    lengthM: link.length_m,
-    speedMS: link.speed_m_s ?? (link.travel_time_s ? link.length_m / link.travel_time_s : null),
-    heightM: link.end_elevation_m ?? null,
-  }));
-  return { rows, startM: links[0]?.start_elevation_m ?? null };
-}
+/** Elevation at the start of an invented route [m]. */
+export const SAMPLE_START_M = 510;
+
+/** This route as an example: a town, country roads, a motorway over a hill, and a town. */
+export const SAMPLE_ROWS: LinkRow[] = [
+  { lengthM: 1800, speedMS: 8.5, heightM: 515 },
+  { lengthM: 2400, speedMS: 12, heightM: 528 },
+  { lengthM: 6200, speedMS: 22, heightM: 560 },
+  { lengthM: 14000, speedMS: 33.3, heightM: 655 },
+  { lengthM: 9000, speedMS: 33.3, heightM: 780 },
+  { lengthM: 12500, speedMS: 33.3, heightM: 610 },
+  { lengthM: 11000, speedMS: 30.5, heightM: 540 },
+  { lengthM: 5200, speedMS: 19.5, heightM: 498 },
+  { lengthM: 2600, speedMS: 9.5, heightM: 490 },
+];

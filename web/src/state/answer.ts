@@ -4,6 +4,7 @@ import { computed, effect, signal } from "@preact/signals";
 import type { ChargingPlan, Course, Stop } from "../api/documents";
 import { type Answer, answerOf, answerWithStops, decisiveChance, riskyStop } from "../model/answer";
 import { verdictOf } from "../model/arrival";
+import { interpolate } from "../model/interpolate";
 import { distanceNear, type Point, positionNear } from "../model/road";
 import { HERE_M, isSame } from "../model/stations";
 import { conditions } from "./conditions";
@@ -110,7 +111,17 @@ export const turn = computed(() => {
   const { position_m, time_s, displayed_soc } = course.value;
   const after = position_m.findIndex((positionM) => positionM >= atM);
   const k = position_m[after] === atM ? after : after - 1; // the pause is between two rows
-  return { name: place.name, position_m: atM, soc: displayed_soc[k] ?? 0, atS: time_s[k] ?? 0, pauseS };
+  const { position_m: along = [], elevation_m: heights = [] } = road.elevation ?? {};
+  const riseM =
+    heights.length > 0 ? interpolate(distanceNear(road, point), along, heights) - (heights[0] ?? 0) : 0;
+  return {
+    name: place.name,
+    position_m: atM,
+    soc: displayed_soc[k] ?? 0,
+    atS: time_s[k] ?? 0,
+    pauseS,
+    riseM,
+  };
 });
 
 /** Charging stops and turn of the journey that is shown, in the order of time. */

@@ -128,14 +128,13 @@ const de: Text = {
     justEnough: (soc, spares) =>
       `${soc} reichen${spares ? ", viel Spielraum bleibt nicht" : ". Mit weniger müssen Sie unterwegs laden"}.`,
     leaveWithStops: (soc) =>
-      `Wenn Sie hier laden können: auf ${soc} oder mehr. Dann kommen Sie mit Ladestopps an.`,
+      `Wenn Sie hier laden können: auf ${soc} oder mehr. Dann kommen Sie mit Laden unterwegs an.`,
     leaveWithout: (soc) => `Um ohne Ladestopp zu fahren: mit mindestens ${soc} losfahren.`,
-    chargedFirst: (soc, isOr) =>
-      `${isOr ? "Oder, wenn" : "Wenn"} Sie vor der Abfahrt auf ${soc} laden können`,
+    chargedFirst: (soc, more, isOr) =>
+      `${isOr ? "Oder, wenn" : "Wenn"} Sie vor der Abfahrt auf ${soc} laden können (${more} mehr)`,
     otherwise: "Sonst",
-    noCharging: () => "Sie brauchen keinen Ladestopp, und bei 19 von 20 Fahrten bleibt die Reserve.",
     withoutStop: (time) =>
-      `Ohne Ladestopp fahren: ${time} weniger unterwegs, und die Reserve bei 19 von 20 Fahrten.`,
+      `Ohne Ladestopp fahren: ${time}${time && " weniger unterwegs, und "}die Reserve bei 19 von 20 Fahrten.`,
     onlyInPause: (time) => `Direkt hinfahren und nur in der Pause laden: ${time} weniger unterwegs.`,
     notNow: (soc, left, chance, atAll) =>
       `Fahren Sie nicht mit ${soc} direkt hin: Sie kämen mit ${left} an, nur bei ${chance} mit der Reserve, und überhaupt bei ${atAll}.`,
@@ -159,12 +158,14 @@ const de: Text = {
     navigate: "In einer Navigations-App öffnen",
     forThere: (time, arrival, leave, clock, day) =>
       `“ fahren und dort ${time} laden, von ${arrival} auf ${leave}; Ankunft dort${day && ` ${day}`} gegen ${clock}.`,
-    inPause: (least) => `in der Pause (${least} reichen)`,
-    withPower: (time, power, isLess) =>
-      `${time} mit etwa ${power}${isLess ? " (mehr nimmt das Auto nicht)" : ""}`,
+    inPause: (time, least) => `${time} in der Pause (${least} reichen)`,
+    withPower: (time, power, reason) => `${time} mit etwa ${power}${reason && ` (${reason})`}`,
+    noMore: (isCold) => `mehr nimmt ${isCold ? "die kalte Batterie" : "das Auto"} nicht`,
     chargeHere: (isOnTheWay) => `${isOnTheWay ? "Dort" : "Hier"} laden: an „`,
     forHere: (time, arrival, leave) => `“, ${time}, von ${arrival} auf ${leave}.`,
-    turn: (place, soc, at, day) => `In ${place}${day && ` ${day}`} gegen ${at} mit ${soc}.`,
+    turn: (place, rise, soc, at, day) =>
+      `In ${place}${rise && `, ${rise},`}${day && ` ${day}`} gegen ${at} mit ${soc}.`,
+    rise: (height, isUp) => `${height} ${isUp ? "höher" : "tiefer"}`,
     pauseAt: (pause, at, day) => `${pause} Pause, Rückfahrt${day && ` ${day}`} gegen ${at}.`,
     chargingStops: "Ladestopps",
     chargingPlans: "Ladepläne",
@@ -183,14 +184,16 @@ const de: Text = {
     reachedAtAll: (chance, range) => `Sie kommen dort bei ${chance} an${range && `, mit ${range}`}.`,
     orCall: "Ist Ihnen das zu unsicher, rufen Sie vor der Abfahrt den Pannendienst.",
     driveGently: "Langsam fahren, Heizung und Klimaanlage ausschalten: Beides hilft.",
+    gently: (speed, chance, range) =>
+      `Mit höchstens ${speed} und ohne Heizung und Klimaanlage kommen Sie dort bei ${chance} an${range && `, mit ${range}`}.`,
     preheat: "Batterie auf dem Weg dorthin vorwärmen",
     plugs: { type2_combo: "CCS", chademo: "CHAdeMO", type2: "Typ 2", type2_cable: "Typ 2" },
     detour: (far) => `davon ${far} zu Ladestationen`,
-    neededBelow: (soc) => `fahren Sie weiter, wenn Sie dort ${soc} oder mehr haben`,
+    neededBelow: (soc) => `nur nötig, wenn Sie dort weniger als ${soc} haben`,
     ifFull: (station, arrival, more, chance) =>
       `Falls besetzt: ${station}, erreicht mit ${arrival} (${chance})${more && `, ${more}`}.`,
     noOther: (safer) =>
-      `Ist sie bei Ankunft besetzt, warten Sie: Keine andere auf dem Weg ist in Reichweite.${safer ? ` In einem anderen Plan unten (${safer}) ist immer eine andere in Reichweite.` : ""}`,
+      `Ist sie bei Ankunft besetzt, warten Sie: Keine andere für dieses Auto ist in Reichweite.${safer ? ` In einem anderen Plan unten (${safer}) ist immer eine andere in Reichweite.` : ""}`,
     laterInPause: "Ist sie besetzt, versuchen Sie es später in der Pause.",
     longer: (time) => `${time} länger`,
     more: (figure) => `${figure} mehr`,

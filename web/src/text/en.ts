@@ -122,14 +122,13 @@ export const en = {
     justEnough: (soc: string, spares: boolean) =>
       `${soc} is enough${spares ? ", with little to spare" : ". With less you have to charge on the way"}.`,
     leaveWithStops: (soc: string) =>
-      `If you can charge here: to ${soc} or more. Then you arrive, with charging stops.`,
+      `If you can charge here: to ${soc} or more. Then you arrive, with charging on the way.`,
     leaveWithout: (soc: string) => `To drive without a stop: leave with ${soc} or more.`,
-    chargedFirst: (soc: string, isOr: boolean) =>
-      `${isOr ? "Or, if" : "If"} you can charge to ${soc} before you leave`,
+    chargedFirst: (soc: string, more: string, isOr: boolean) =>
+      `${isOr ? "Or, if" : "If"} you can charge to ${soc} before you leave (${more} more)`,
     otherwise: "Otherwise",
-    noCharging: () => "You need no charging stop, and the reserve is kept in 19 of 20 trips.",
     withoutStop: (time: string) =>
-      `Drive without a charging stop: ${time} less on the way, and the reserve in 19 of 20 trips.`,
+      `Drive without a charging stop: ${time}${time && " less on the way, and "}the reserve in 19 of 20 trips.`,
     onlyInPause: (time: string) =>
       `Drive straight there and charge in the pause only: ${time} less on the way.`,
     notNow: (soc: string, left: string, chance: string, atAll: string) =>
@@ -154,13 +153,15 @@ export const en = {
     navigate: "Open in a navigation app",
     forThere: (time: string, arrival: string, leave: string, clock: string, day: string) =>
       `” and charge ${time}, from ${arrival} to ${leave}; you are there${day && ` ${day}`} at about ${clock}.`,
-    inPause: (least: string) => `in the pause (${least} is enough)`,
-    withPower: (time: string, power: string, isLess: boolean) =>
-      `for ${time} with about ${power}${isLess ? " (the car takes no more)" : ""}`,
+    inPause: (time: string, least: string) => `${time} in the pause (${least} is enough)`,
+    withPower: (time: string, power: string, reason: string) =>
+      `for ${time} with about ${power}${reason && ` (${reason})`}`,
+    noMore: (isCold: boolean) => `the ${isCold ? "cold battery" : "car"} takes no more`,
     chargeHere: (isOnTheWay: boolean) => `Charge ${isOnTheWay ? "there" : "here"}, at “`,
     forHere: (time: string, arrival: string, leave: string) => `”, ${time}, from ${arrival} to ${leave}.`,
-    turn: (place: string, soc: string, at: string, day: string) =>
-      `At ${place}${day && ` ${day}`} at about ${at} with ${soc}.`,
+    turn: (place: string, rise: string, soc: string, at: string, day: string) =>
+      `At ${place}${rise && `, ${rise},`}${day && ` ${day}`} at about ${at} with ${soc}.`,
+    rise: (height: string, isUp: boolean) => `${height} ${isUp ? "higher" : "lower"}`,
     pauseAt: (pause: string, at: string, day: string) =>
       `Pause of ${pause}; start back${day && ` ${day}`} at about ${at}.`,
     chargingStops: "Charging stops",
@@ -181,14 +182,16 @@ export const en = {
       `You get there in ${chance}${range && `, with ${range}`}.`,
     orCall: "If that is too uncertain, call roadside assistance before you leave.",
     driveGently: "Drive slowly and switch heating and air conditioning off: both help.",
+    gently: (speed: string, chance: string, range: string) =>
+      `At most ${speed}, with heating and air conditioning off, you get there in ${chance}${range && `, with ${range}`}.`,
     preheat: "warm up the battery on the way there",
     plugs: { type2_combo: "CCS", chademo: "CHAdeMO", type2: "Type 2", type2_cable: "Type 2" },
     detour: (far: string) => `${far} of it to charging stations`,
-    neededBelow: (soc: string) => `drive on if you have ${soc} or more there`,
+    neededBelow: (soc: string) => `needed only if you have less than ${soc} there`,
     ifFull: (station: string, arrival: string, more: string, chance: string) =>
-      `If it is full: ${station}, reached with ${arrival} (${chance})${more && `, ${more}`}.`,
+      `If it is occupied: ${station}, reached with ${arrival} (${chance})${more && `, ${more}`}.`,
     noOther: (safer?: string) =>
-      `If it is occupied when you are there, wait: no other station on the way is in reach.${safer ? ` In another plan below (${safer}), each station has another one in reach.` : ""}`,
+      `If it is occupied when you are there, wait: no other station for this car is in reach.${safer ? ` In another plan below (${safer}), each station has another one in reach.` : ""}`,
     laterInPause: "If it is occupied, try again later in the pause.",
     longer: (time: string) => `${time} longer`,
     more: (figure: string) => `${figure} more`,

@@ -1,6 +1,5 @@
 import { useId, useState } from "preact/hooks";
-import { EMPTY_ROW, type LinkRow, linksOfRows, rowsOfLinks } from "../model/link-rows";
-import { sampleLinks } from "../model/sample-links";
+import { EMPTY_ROW, type LinkRow, linksOfRows, SAMPLE_ROWS, SAMPLE_START_M } from "../model/link-rows";
 import { chooseRoute } from "../state/catalogue";
 import { text, units } from "../state/preferences";
 import { DataTable } from "./data-table";
@@ -33,11 +32,9 @@ export function LinksForm() {
         class="links"
         onSubmit={submitting(() => {
           if (!isEmpty) return use(linksOfRows(rows, startM));
-          const sample = sampleLinks();
-          const { rows: next, startM: from } = rowsOfLinks(sample);
-          setRows(next);
-          setStart(from);
-          use(sample);
+          setRows(SAMPLE_ROWS);
+          setStart(SAMPLE_START_M);
+          use(linksOfRows(SAMPLE_ROWS, SAMPLE_START_M));
         })}
       >
         <div class="inline">

@@ -2,7 +2,8 @@
 
 import { computed } from "@preact/signals";
 import { Fragment } from "preact";
-import type { ChargingPlan, Forecast, Place, Station, Stop } from "../api/documents";
+import { requestForecast } from "../api/client";
+import type { ChargingPlan, Forecast, Place, Road, Station, Stop } from "../api/documents";
 import { type Answer, BELOW, decisiveChance, verdictOfAnswer } from "../model/answer";
 import {
   arrivalBand,
@@ -14,11 +15,12 @@ import {
 } from "../model/arrival";
 import { isBetter } from "../model/diary";
 import { warningsOf } from "../model/flags";
-import { HERE_M, STATION_KIND } from "../model/stations";
+import { atMotorwaySpeed } from "../model/links";
+import { HERE_M, placeOfStation, STATION_KIND } from "../model/stations";
 import { ENERGY, PERCENT } from "../model/units";
 import { source } from "../state/catalogue";
 import { car } from "../state/car";
-import { conditions } from "../state/conditions";
+import { type Conditions, conditions } from "../state/conditions";
 import {
   answer,
   chargesHere,
@@ -45,7 +47,7 @@ import {
 } from "../state/journey";
 import { ownCars } from "../state/own-cars";
 import { format, text, units, wording } from "../state/preferences";
-import { journeyRequest, type Trip, trip } from "../state/trip";
+import { forecastRequest, journeyRequest, type Trip, trip } from "../state/trip";
 import { Chance } from "./chance";
 import { Climb } from "./climb";
 import { CompareLine } from "./compare";
@@ -91,6 +93,9 @@ const SHOWN_SOC = 0.005;
 const HEREABOUTS_M = 1000;
 /** Less charge to leave with is told from this on. */
 const FEW_SOC = 0.05;
+
+/** A slow speed on a road, of a driver who may not get to a station [m/s]. */
+const GENTLE_M_S = 60 / 3.6;
 
 /** The reason of a verdict that would be good if the heights of the road were known. */
 const HEIGHTS = "unknown_heights";
@@ -309,17 +314,42 @@ function StopText({ of, fromM }: { of: Stop; fromM: number }) {
   );
 }
 
+/** The way from the start of the journey to a place. */
+async function wayTo(to: Place, at = conditions.value): Promise<Road | undefined> {
+  const of = trip.value as Trip;
+  const stops = [...(of.stops ?? []).slice(0, 1), { ...to, kind: "" }];
+  const body = journeyRequest({ ...of, stops, pauseS: null }, at, car.value);
+  return (await askJourney(body, false).catch(() => null))?.roads[0];
+}
+
+/** How likely a driver gets to a station slowly, without heating and air conditioning. */
+function Gently({ to }: { to: Station }) {
+  const at: Conditions = { ...conditions.value, climate: "off" };
+  const ask = async () => {
+    const { links, elevation } = (await wayTo(placeOfStation(to, ""), at)) as Road;
+    const slow = atMotorwaySpeed(links, GENTLE_M_S, GENTLE_M_S);
+    const way = { ...(trip.value as Trip), links: slow, fixed: { elevation } };
+    return requestForecast(forecastRequest(way, at, car.value));
+  };
+  const then = useAsked(ask, [JSON.stringify([to, at, car.value, trip.value?.stops?.[0]])]);
+  const { journey: words } = text.value;
+  if (!then) return words.driveGently;
+  const speed = format.value.shown(GENTLE_M_S, units.value.speed, 0);
+  return words.gently(speed, chanceInFigures(chanceAtAll(then)), bandText(arrivalBand(then)));
+}
+
 /** What has to be known of the first stop before, or `after` it, each as an item of the list. */
 function FirstStop({ of, chance, after }: { of: Stop; chance: number; after: boolean }) {
   const { journey: words } = text.value;
   const isTold = reasonOfJourney() === BELOW && of.position_m >= HERE_M;
-  const texts = after
-    ? [of.p_reach < OPEN[1] && words.driveGently, !of.if_full && occupiedText(of)] // another one is in the list of stops
+  const items = after
+    ? [occupiedText(of)]
     : [
         isTold && words.reachedAtAll(chanceInFigures(of.p_reach), bandText(of.soc_interval)),
+        of.p_reach < OPEN[1] && of.position_m >= HERE_M && <Gently to={of.station} />,
         Math.max(of.p_reach, chance) < OPEN[1] && words.orCall,
       ];
-  return texts.map((one) => one && <li key={one}>{one}</li>);
+  return items.map((one, k) => one && <li key={k}>{one}</li>);
 }
 
 /** Where the journey halts, each as an item of the list. */
@@ -349,13 +379,8 @@ function noHelpText({ stops }: Trip): string {
 
 /** That no charging stop helps, and which station is the nearest. */
 function NoStop({ of, from }: { of: Trip; from: Place }) {
-  const at = conditions.value;
-  const roadTo = async (to: Place) => {
-    const there = { ...of, stops: [from, { ...to, kind: "" }], pauseS: null };
-    return (await askJourney(journeyRequest(there, at, car.value), false).catch(() => null))?.roads[0];
-  };
-  const asked = JSON.stringify(journeyRequest(of, at, car.value));
-  const nearest = useAsked(() => nearestStation(from, roadTo), [asked]);
+  const asked = JSON.stringify(journeyRequest(of, conditions.value, car.value));
+  const nearest = useAsked(() => nearestStation(from, wayTo), [asked]);
   const isHere = nearest !== null && nearest.farM < HEREABOUTS_M;
   const way = isHere ? undefined : nearest?.way;
   const { journey: words } = text.value;
@@ -368,7 +393,8 @@ function NoStop({ of, from }: { of: Trip; from: Place }) {
       {nearest && (
         <>
           {isHere ? words.stationHere : words.nearest} <StationLink of={nearest.of} />
-          {isHere ? words.chargeThere : words.away(farText(way?.distance_m ?? nearest.farM), !!way)} {reached}
+          {isHere ? words.chargeThere : words.away(farText(way?.distance_m ?? nearest.farM), !!way)} {reached}{" "}
+          {way && chanceAtAll(way.forecast) < OPEN[1] && <Gently to={nearest.of} />}
         </>
       )}
     </>
@@ -389,14 +415,14 @@ function ChargedFirst({ of, plan, needed }: { of: Trip; plan: ChargingPlan; need
   const { journey: words } = text.value;
   const { duration, shown } = format.value;
   const lessS = plan.driving_s + plan.charging_s - alone.duration_s;
-  const way = pausing === 0 ? "noCharging" : forecast ? "onlyInPause" : "withoutStop";
+  const moreWh = (least - soc) * alone.forecast.wh_per_display;
   const kept = (forecast && chanceOf(forecast, reserve)) ?? 0;
   const chances = [kept, forecast ? chanceAtAll(forecast) : 0].map(chanceInFigures) as [string, string];
   return (
     <>
-      <h3>{words.chargedFirst(upwards(least), !forecast)}</h3>
+      <h3>{words.chargedFirst(upwards(least), shown(moreWh, ENERGY, 1), !forecast)}</h3>
       <ul>
-        <li>{words[way](duration(lessS))}</li>
+        <li>{words[forecast ? "onlyInPause" : "withoutStop"](pausing === 0 ? "" : duration(lessS))}</li>
         {forecast && (
           <li>{words.notNow(shown(soc, PERCENT), shown(forecast.soc_arrival, PERCENT), ...chances)}</li>
         )}

@@ -6,7 +6,11 @@ import { daysBetween } from "../model/clock";
 import { HOURS, PERCENT, POWER, type Quantity } from "../model/units";
 import { format, text, units } from "../state/preferences";
 import { clock, type Turn } from "../state/answer";
+import { journey } from "../state/journey";
 import type { Trip } from "../state/trip";
+
+/** A smaller difference in height explains little of the charge at a turn [m]. */
+const TOLD_RISE_M = 100;
 
 /** From the first to the second of two values in SI, without their unit; one figure where both are the same. */
 export function range(ends: readonly number[], quantity: Quantity, digits = quantity.digits): string {
@@ -58,11 +62,15 @@ export function chargerParts({ plug, power_w, power_known }: Station): string[] 
 /** How long a car charges at a stop, and with which mean power; `explains` says why that is far below the station's. */
 export function chargingText(of: Stop, explains = false): string {
   const { charging_s, energy_wh, pause_s, needed_below: least, station } = of;
+  const { span } = format.value;
   const meanW = energy_wh / HOURS.from(charging_s);
   const power = format.value.shown(meanW, POWER);
-  const { inPause, withPower } = text.value.journey;
-  if (pause_s > 0) return inPause(upwards(least));
-  return withPower(format.value.span(charging_s), power, explains && meanW < 0.8 * station.power_w);
+  const { inPause, withPower, noMore } = text.value.journey;
+  const codes = journey.value?.flags.map(({ code }) => code) ?? [];
+  const isCold = station.direct_current && codes.includes("cold_charging_assumed");
+  const reason = explains && meanW < 0.8 * station.power_w ? noMore(isCold) : "";
+  const time = withPower(span(charging_s), power, reason);
+  return pause_s > 0 ? inPause(time, upwards(least)) : time;
 }
 
 /** A clock time, and its day where that is not the day of `from`. */
@@ -85,10 +93,12 @@ export function clockAfter(s: number): [string, string] {
 }
 
 /** Arrival at the turn of a journey, with its pause. */
-export function turnText({ name, soc, atS, pauseS }: Turn): string {
+export function turnText({ name, soc, atS, pauseS, riseM }: Turn): string {
   const { journey: words } = text.value;
   const { shown, span } = format.value;
-  const arrival = words.turn(name, shown(soc, PERCENT), ...clockAfter(atS));
+  const height = shown(Math.abs(riseM), units.value.height);
+  const rise = Math.abs(riseM) < TOLD_RISE_M ? "" : words.rise(height, riseM > 0);
+  const arrival = words.turn(name, rise, shown(soc, PERCENT), ...clockAfter(atS));
   return pauseS ? `${arrival} ${words.pauseAt(span(pauseS), ...clockAfter(atS + pauseS))}` : arrival;
 }
 
