@@ -140,9 +140,9 @@ browser:  ## Debian's chromium for the tests of the page, where it is missing; n
 	@command -v chromium-headless-shell >/dev/null || command -v chromium >/dev/null || { apt-get -qq update \
 		&& apt-get -qq install --yes --no-install-recommends chromium-headless-shell >/dev/null; }
 
-types:  ## what the page's sources take from the package, into web/generated: types from the OpenAPI document, words of flags; needs Node 20
-	python -m tools.docs.write_page_flags
-	python -m tripwatt.server.http.app | npm --prefix web run --silent types
+types: .venv-check/.ready  ## what the page's sources take from the package, into web/generated: types from the OpenAPI document, words of flags; needs Node 20
+	.venv-check/bin/python -m tools.docs.write_page_flags
+	.venv-check/bin/python -m tripwatt.server.http.app | npm --prefix web run --silent types
 
 page:  ## the page's bundle from its sources in web, into the package; needs Node 20
 	npm --prefix web ci
