@@ -54,6 +54,8 @@ def test_tables_have_units_and_every_kind_of_road(run: Run) -> None:
     assert re.search(r"likely +\d+\.\d\d kWh", table)
     assert re.search(r"middle half +\d+\.\d\d to \d+\.\d\d kWh", table)
     assert "cautious (95 %)" in table
+    charges = [line for line in table.splitlines() if "%" in line and not re.match(" cautious|Shares", line)]
+    assert re.fullmatch(r"\d+ % is enough to arrive with 10 % left in 19 of 20 trips\.", "\n".join(charges))
     assert "Shares of the uncertainty: car " in table
     far = run("range", "--soc", 0.5, "--ambient", 10).out
     assert all(kind in far for kind in ("city", "country", "motorway", "mixed"))

@@ -84,7 +84,6 @@ def _show_need(result: tw.Need, answer: Mapping[str, Any], leaves: dt.datetime |
         ("likely", kwh(result.energy_wh)),
         ("middle half", f"{lower.removesuffix(' kWh')} to {upper}"),
         (f"cautious ({100.0 * result.probability:g} %)", kwh(result.energy_quantile_wh)),
-        ("charge for it", f"{100.0 * result.soc_needed:.0f} %"),
     ]
     if answer["charging_s"]:
         power = f"{answer['charging_w'] / 1e3:.3g} kW"
