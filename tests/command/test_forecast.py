@@ -121,6 +121,9 @@ def test_faults_of_options_model_and_trip_come_in_one_message(run: Run, tmp_path
     for said in ("6 faults", "no-model", "nowhere.csv", "--soc", "--ambient", "--payload", "--reserve"):
         assert said in answer.err
     assert not list(tmp_path.iterdir())
+    assert run("forecast", tmp_path / "nowhere.gpx").err.endswith(
+        "nowhere.gpx: got no such file; allowed: a file\n"
+    )
 
 
 def test_a_damaged_model_is_refused(run: Run, trip: Path, tmp_path: Path) -> None:

@@ -68,7 +68,7 @@ def read_canonical(
     path = Path(path)
     if not path.is_file():
         got = "a folder" if path.is_dir() else "no such file"
-        raise InvalidInput.of("cannot read the file", f"{path}", got, "a CSV or Parquet file of samples")
+        raise InvalidInput.of("cannot read the file", f"{path}", got, "a file")
     return _samples_of(open_table(path), f"{path}", required, minimum)
 
 
