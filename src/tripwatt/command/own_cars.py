@@ -214,7 +214,7 @@ def _done(car: Path, own: Car, done: Learned) -> Answer:
     def shown() -> None:
         say(f"{car}: {done.added} trips added, {done.known} were known, {done.entries} in the diary")
         reasons = (why.partition(": ") for why in done.left_out)
-        groups = group_by_kind((why, trip, 1, trip) for trip, _, why in reasons)
+        groups = group_by_kind((why, trip, 1, f"{trip}: {why}") for trip, _, why in reasons)
         print_notes(f"left out: {group}" for group in groups)
         if done.flat:
             say(

@@ -98,8 +98,7 @@ def grouped(flags: Iterable[Flag]) -> list[str]:
     from tripwatt.trips.messages import message
     from tripwatt.trips.reading import group_by_kind  # pandas is slow to import
 
-    kinds = group_by_kind((flag.code, flag.subject, 1, message(flag)) for flag in flags)
-    return [f"{k.example} (and {k.count - 1} more like it)" if k.count > 1 else k.example for k in kinds]
+    return [*map(str, group_by_kind((flag.code, flag.subject, 1, message(flag)) for flag in flags))]
 
 
 def print_reading(fleet: TripSet, result: Audit) -> None:

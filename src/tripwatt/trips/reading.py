@@ -30,8 +30,10 @@ class Group:
 
     Examples
     --------
-    >>> print(Group("not a number", 12, 3, "a.csv row 7 column 'Ambient': got 'ERR'"))
+    >>> print(Group("not a number", 12, 3, "not a number: a.csv row 7 column 'Ambient': got 'ERR'"))
     not a number: 12 in 3 places, for example a.csv row 7 column 'Ambient': got 'ERR'
+    >>> print(Group("90 m in 60 s: shorter than 1000 m", 2, 2, "monday: 90 m in 60 s: shorter than 1000 m"))
+    monday: 90 m in 60 s: shorter than 1000 m (and 1 more like it)
     """
 
     what: str
@@ -40,8 +42,11 @@ class Group:
     example: str
 
     def __str__(self) -> str:
+        kind = f"{self.what}: "
+        if not self.example.startswith(kind):
+            return f"{self.example} (and {self.count - 1} more like it)" if self.count > 1 else self.example
         number = f"{self.count}" if self.places <= 1 else f"{self.count} in {self.places} places"
-        return f"{self.what}: {number}, for example {self.example.removeprefix(f'{self.what}: ')}"
+        return f"{kind}{number}, for example {self.example.removeprefix(kind)}"
 
 
 def group_by_kind(things: Iterable[tuple[str, str, int, str]]) -> tuple[Group, ...]:
