@@ -323,6 +323,7 @@ def test_a_log_that_was_added_before_with_other_samples_costs_no_other_log(
     done = car.add([again, logs[2]])
     assert (done.added, done.entries) == (1, 1)
     assert done.left_out == (f"{logs[0].trip_id}: another log of this name was added before",)
+    assert car.left_out == {}  # the log of this name that was added first is in the diary
 
 
 @pytest.mark.parametrize("value", [[1], 7])

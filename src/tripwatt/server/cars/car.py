@@ -285,9 +285,8 @@ class Car(LiveCar):
         while not is_stored:
             state, learner = self.file.setting("state"), self._learner()
             lesson = learner.learn(names, progress or (lambda done, total: None))
-            lesson.left_out |= refused
             is_stored = self._store_lesson(state, learner.logs, lesson)
-        left_out = tuple(f"{trip}: {why}" for trip, why in lesson.left_out.items())
+        left_out = tuple(f"{trip}: {why}" for trip, why in {**lesson.left_out, **refused}.items())
         return replace(counts, entries=len(lesson.entries), left_out=left_out, flat=lesson.flat)
 
     def _store_lesson(self, state: str, logs: TripSet, lesson: Lesson) -> bool:
