@@ -179,10 +179,10 @@ def share(value: float | None) -> str:
 
     Examples
     --------
-    >>> share(0.0774), share(None)
-    ('7.7%', 'unknown')
+    >>> share(0.0774), share(-0.0001), share(None)
+    ('7.7%', '0.0%', 'unknown')
     """
-    return "unknown" if value is None else f"{value:.1%}"
+    return "unknown" if value is None else f"{value:z.1%}"
 
 
 def change(value: Mapping[str, Any], key: str, sign: str = "+") -> str:
