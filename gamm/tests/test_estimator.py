@@ -78,6 +78,8 @@ def test_predict_and_options_say_what_is_wrong(frame, model):
         GAMM(FULL, "scat", ar1_rho="estimate").fit(frame)
     with pytest.raises(InvalidInput, match=r"invalid smoothing parameters.*s\(x,z\)"):
         GAMM(FULL, smoothing_parameters=[1.0]).fit(frame)
+    with pytest.raises(InvalidInput, match="got groups=None; allowed: groups, or a column"):
+        GAMM(Formula("y", (X,))).leave_groups_out(frame)
     with pytest.raises(InvalidInput, match="only one group"):
         GAMM(Formula("y", (X,))).leave_groups_out(frame, groups=np.zeros(len(frame)))
     with pytest.raises(InvalidInput, match="wrong length"):

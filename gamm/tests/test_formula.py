@@ -62,6 +62,7 @@ def test_products_of_columns(text, labels):
     ("text", "words"),
     [
         ("y ~ s(time", ["cannot be read", "never closed"]),
+        ("y ~ a + daytime + b +* c", ["near 'daytime + b +* c' at character 22"]),
         ("y ~ s(time):winter", ["cannot be read", "s(x, by=f)"]),
         ("y = s(time)", ["wrong number of ~", "0 of them"]),
         ("y ~ a ~ b", ["wrong number of ~", "2 of them"]),

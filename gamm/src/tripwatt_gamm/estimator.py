@@ -355,7 +355,7 @@ class Estimator:
             Names every faulty column, missing groups, or rows of `at` without a unit.
         """
         if groups is None:
-            raise InvalidInput.of("no groups", "leave_groups_out", "groups is None", "a group for each row")
+            raise InvalidInput.of("no groups", "leave_groups_out", "groups=None", "groups, or a column")
         offset = self._offset(offset)
         _, work, settings = self._work(frame, y, groups, weights, offset)
         units = work.groups if folds is None else self._groups(frame, folds)

@@ -341,7 +341,7 @@ def _syntax_fault(error: SyntaxError | ValueError, text: str, offset: int) -> Fa
     """Fault of a text that Python cannot read, with its place in the text of the user."""
     position = getattr(error, "offset", None)
     at = min(offset + position, len(text)) if isinstance(position, int) else len(text)
-    around = text[max(0, at - 12) : at + 12].strip()
+    around = text[text.rfind(" ", 0, max(0, at - 12)) + 1 : at + 12].strip()
     reason = error.msg if isinstance(error, SyntaxError) else str(error)
     return Fault(
         "formula cannot be read",
