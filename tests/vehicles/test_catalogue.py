@@ -8,6 +8,7 @@ from tripwatt.vehicles import (
     vehicle_titles,
 )
 from tripwatt.vehicles.catalogue import BODIES, Coastdown, catalogue, class_values, table_names
+from tripwatt.vehicles.loading import file_names
 
 NUMBERS = {
     "test_weight": (2000.0, 9000.0, "lb"),
@@ -89,3 +90,8 @@ def test_values_of_a_class_are_medians_without_the_cars_that_are_left_out() -> N
     assert usual.drag_area_m2["van"] == pytest.approx(1.15 * usual.drag_area_m2["suv"])
     assert 0.005 < usual.rolling < 0.012
     assert 0.03 <= usual.drag_area_sd < usual.rolling_sd < 0.3
+
+
+def test_a_car_has_a_file_or_a_row_and_not_both() -> None:
+    """A file of the name of a row would hide the row without a word."""
+    assert set(file_names()) & set(table_names()) == set()
