@@ -254,7 +254,7 @@ def demo(
         Path(place).mkdir(exist_ok=True)
         settings, token = make_demo(Path(place), lambda step: print_notes([f"making: {step}"]))
         if not settings.atlas.map:
-            print_notes(["no map: it needs the extra routing on Python 3.12, even with TRIPWATT_VALHALLA"])
+            print_notes(["no map: it needs the extra routing, and Python 3.12 or newer"])
         samples, request = depart(settings), examples()[DRIVE]["request"]
         logged = {name: request[name] for name in ("soc", "ambient_temperature_degc", "cabin_setpoint_degc")}
         link = urlencode({"trip": "examples", "example": DRIVE, "beforeDeparture": "logged", **logged})
