@@ -61,7 +61,7 @@ def test_products_of_columns(text, labels):
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        ("y ~ s(time", ["cannot be read", "never closed"]),
+        ("y ~ s(time", ["cannot be read", "at character 10", "never closed"]),
         ("y ~ a + daytime + b +* c", ["near 'daytime + b +* c' at character 22"]),
         ("y ~ s(time):winter", ["cannot be read", "s(x, by=f)"]),
         ("y = s(time)", ["wrong number of ~", "0 of them"]),

@@ -340,7 +340,7 @@ def _response(reader: _Reader, left: str) -> str | None:
 def _syntax_fault(error: SyntaxError | ValueError, text: str, offset: int) -> Fault:
     """Fault of a text that Python cannot read, with its place in the text of the user."""
     position = getattr(error, "offset", None)
-    at = min(offset + position, len(text)) if isinstance(position, int) else len(text)
+    at = min(offset + position, len(text)) if position not in (None, 1) else len(text)  # 1 is our own "("
     around = text[text.rfind(" ", 0, max(0, at - 12)) + 1 : at + 12].strip()
     reason = error.msg if isinstance(error, SyntaxError) else str(error)
     return Fault(
