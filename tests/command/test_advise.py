@@ -38,6 +38,9 @@ def test_the_table_has_units_and_words(run: Run, route: Path) -> None:
     assert "You arrive with" in shown
     assert "take off the roof box" in shown
     assert "saves kWh" in shown
+    empty = run("advise", route, "--soc", 0.05, "--ambient", -5)
+    assert "more than is in the battery" in empty.err
+    assert "What saves energy" not in empty.out  # nothing helps on the way: no table without rows
     assert "faster overall if you charge below kW" in " ".join(shown.split())
     assert "km/h at most" in shown
 

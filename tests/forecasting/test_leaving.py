@@ -106,7 +106,7 @@ def test_an_empty_battery_is_told_by_what_it_lacks_and_where(model):
     assert flag not in without.flags
     assert with_empty_flag(plenty) is plenty, "its cached values are kept"
     assert with_empty_flag(replace(plenty, flags=(*plenty.flags, flag))).flags == plenty.flags
-    assert "more than the battery holds" in message(flag)
+    assert "more than is in the battery" in message(flag)
     assert 0.0 <= short.p_arrive(RESERVE) <= short.p_arrive(0.0) < 0.5
     document = short.to_dict()
     assert document["missing_wh"] == {"least": least, "expected": expected, "most": most}

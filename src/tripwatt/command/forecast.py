@@ -234,7 +234,8 @@ def _show_advice(advice: tw.Advice) -> None:
         for advised in advice.singly
     ]
     names = ("action", "saves kWh", "9 in 10", "time", "charge", "arrives", "effort", "plug kWh", "gains")
-    print_table("What saves energy", names, rows, numbers=(names[1], names[3], names[4]))
+    if rows:
+        print_table("What saves energy", names, rows, numbers=(names[1], names[3], names[4]))
     if advice.speeds:
         caps = [
             (
