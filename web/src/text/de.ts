@@ -128,7 +128,7 @@ const de: Text = {
     justEnough: (soc, spares) =>
       `${soc} reichen${spares ? ", viel Spielraum bleibt nicht" : ". Mit weniger müssen Sie unterwegs laden"}.`,
     leaveWithStops: (soc) =>
-      `Wenn Sie hier laden können: auf ${soc} oder mehr. Dann kommen Sie mit Laden unterwegs an.`,
+      `Wenn Sie hier laden können: auf ${soc} oder mehr. Dann kommen Sie mit Laden unterwegs und mit Ihrer Reserve an.`,
     leaveWithout: (soc) => `Um ohne Ladestopp zu fahren: mit mindestens ${soc} losfahren.`,
     chargedFirst: (soc, more, isOr) =>
       `${isOr ? "Oder, wenn" : "Wenn"} Sie vor der Abfahrt auf ${soc} laden können (${more} mehr)`,
@@ -183,7 +183,6 @@ const de: Text = {
     reached: (chance) => `mit der Reserve bei ${chance}`,
     reachedAtAll: (chance, range) => `Sie kommen dort bei ${chance} an${range && `, mit ${range}`}.`,
     orCall: "Ist Ihnen das zu unsicher, rufen Sie vor der Abfahrt den Pannendienst.",
-    driveGently: "Langsam fahren, Heizung und Klimaanlage ausschalten: Beides hilft.",
     gently: (speed, chance, range) =>
       `Mit höchstens ${speed} und ohne Heizung und Klimaanlage kommen Sie dort bei ${chance} an${range && `, mit ${range}`}.`,
     preheat: "Batterie auf dem Weg dorthin vorwärmen",
@@ -192,8 +191,9 @@ const de: Text = {
     neededBelow: (soc) => `nur nötig, wenn Sie dort weniger als ${soc} haben`,
     ifFull: (station, arrival, more, chance) =>
       `Falls besetzt: ${station}, erreicht mit ${arrival} (${chance})${more && `, ${more}`}.`,
-    noOther: (safer) =>
-      `Ist sie bei Ankunft besetzt, warten Sie: Keine andere für dieses Auto ist in Reichweite.${safer ? ` In einem anderen Plan unten (${safer}) ist immer eine andere in Reichweite.` : ""}`,
+    nextOther: (station, far) =>
+      `Ist sie bei Ankunft besetzt: Die nächste andere für dieses Auto ist „${station}“, ${far} auf der Straße.`,
+    noOther: "Ist sie bei Ankunft besetzt, warten Sie: Keine andere nahe Ihrer Route ist in Reichweite.",
     laterInPause: "Ist sie besetzt, versuchen Sie es später in der Pause.",
     longer: (time) => `${time} länger`,
     more: (figure) => `${figure} mehr`,

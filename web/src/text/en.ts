@@ -122,7 +122,7 @@ export const en = {
     justEnough: (soc: string, spares: boolean) =>
       `${soc} is enough${spares ? ", with little to spare" : ". With less you have to charge on the way"}.`,
     leaveWithStops: (soc: string) =>
-      `If you can charge here: to ${soc} or more. Then you arrive, with charging on the way.`,
+      `If you can charge here: to ${soc} or more. Then you arrive with your reserve, charging on the way.`,
     leaveWithout: (soc: string) => `To drive without a stop: leave with ${soc} or more.`,
     chargedFirst: (soc: string, more: string, isOr: boolean) =>
       `${isOr ? "Or, if" : "If"} you can charge to ${soc} before you leave (${more} more)`,
@@ -181,7 +181,6 @@ export const en = {
     reachedAtAll: (chance: string, range: string) =>
       `You get there in ${chance}${range && `, with ${range}`}.`,
     orCall: "If that is too uncertain, call roadside assistance before you leave.",
-    driveGently: "Drive slowly and switch heating and air conditioning off: both help.",
     gently: (speed: string, chance: string, range: string) =>
       `At most ${speed}, with heating and air conditioning off, you get there in ${chance}${range && `, with ${range}`}.`,
     preheat: "warm up the battery on the way there",
@@ -190,8 +189,9 @@ export const en = {
     neededBelow: (soc: string) => `needed only if you have less than ${soc} there`,
     ifFull: (station: string, arrival: string, more: string, chance: string) =>
       `If it is occupied: ${station}, reached with ${arrival} (${chance})${more && `, ${more}`}.`,
-    noOther: (safer?: string) =>
-      `If it is occupied when you are there, wait: no other station for this car is in reach.${safer ? ` In another plan below (${safer}), each station has another one in reach.` : ""}`,
+    nextOther: (station: string, far: string) =>
+      `If it is occupied when you are there: the nearest other station for this car is “${station}”, ${far} by road.`,
+    noOther: "If it is occupied when you are there, wait: no other station near your route is in reach.",
     laterInPause: "If it is occupied, try again later in the pause.",
     longer: (time: string) => `${time} longer`,
     more: (figure: string) => `${figure} more`,

@@ -1,10 +1,10 @@
 /** What to do about the trip: the least that makes it arrive, then what each action saves. */
 
 import type { Advised, AdvisedAction, Whole } from "../api/documents";
-import { BELOW } from "../model/answer";
 import { verdictOf } from "../model/arrival";
 import { ENERGY, PERCENT } from "../model/units";
 import { advice, adviceIsOld } from "../state/advice";
+import { stopInDoubt } from "../state/answer";
 import { source } from "../state/catalogue";
 import { conditions } from "../state/conditions";
 import { chosenCharging, chosenRoad, journey } from "../state/journey";
@@ -76,7 +76,6 @@ function wholeText({ duration_s, charges, p_reserve }: Whole, now: Whole): strin
     : text.value.journey[more < 0 ? "less" : "more"](duration(Math.abs(more)));
   const whole = words.whole(duration(duration_s), charges, change);
   if (verdictOf(p_reserve) === "good") return whole;
-  if (journey.value?.verdict.reason === BELOW) return `${whole} · ${chanceInFigures(p_reserve)}`;
   return `${whole} · ${text.value.journey.reached(chanceInFigures(p_reserve))}`;
 }
 
@@ -110,6 +109,7 @@ function Saving({ of, now }: { of: Advised; now: Whole | null }) {
 export function AdviceCard() {
   const found = advice.value;
   if (!found || source.value === "distance" || found.singly.length === 0) return null;
+  if (stopInDoubt.value) return null; // what helps to get there stands above
   const { advice: words } = text.value;
   const wanted = format.value.shown(found.probability, PERCENT);
   const arrivesWithStops = found.whole !== null && found.whole.p_reserve >= found.probability;

@@ -5,7 +5,7 @@ import { answer, chargingPlan, isLate, isLookingForStops, lowestStop } from "../
 import { source } from "../state/catalogue";
 import { shownForecast } from "../state/drive";
 import { format, text, units } from "../state/preferences";
-import { chanceInFigures, rangeWithUnit, stationName } from "./wording";
+import { bandText, chanceInFigures, stationName } from "./wording";
 
 /** On a phone: the result at the bottom of the screen while the verdict is out of view. */
 export function Glance() {
@@ -24,7 +24,7 @@ export function Glance() {
   const emptyM = chargingPlan.value ? null : emptyAfterM(of);
   const { chance, result, verdict } = text.value;
   const { shown } = format.value;
-  const interval = rangeWithUnit(stop?.soc_interval ?? now.interval, PERCENT);
+  const interval = bandText(stop?.soc_interval ?? now.interval);
   if (isLate.value) return <div class="glance">{verdict.calculating}</div>;
   return (
     <div class="glance" aria-hidden="true">

@@ -1,4 +1,4 @@
-import type { ChargingPlan, Journey, Stop, Whole } from "../api/documents";
+import type { Journey, Stop, Whole } from "../api/documents";
 import { BELOW, verdictOfAnswer } from "../model/answer";
 import { chanceAtAll, verdictOf } from "../model/arrival";
 import { HERE_M } from "../model/stations";
@@ -93,25 +93,12 @@ function Ways({ label, all, chosen, onChoose }: WaysProps) {
   return <Choice label={label} class="roads" value={firstOf(chosen)} options={once} onChoose={onChoose} />;
 }
 
-/** A plan or a route that arrives and always has another station in reach, with its additional time; undefined where there is none. */
-function saferText(): string | undefined {
-  const { journey: words } = text.value;
-  const isSafe = (plan: ChargingPlan | null) =>
-    plan !== null && verdictOf(plan.p_reserve) === "good" && plan.stops.every(({ if_full }) => if_full);
-  const plan = chargingPlans.value.find(isSafe);
-  const at = journey.value?.roads.findIndex(({ charging }) => isSafe(charging)) ?? -1;
-  const road = journey.value?.roads[at]?.charging;
-  const name = plan ? words.plans[plan.label] : road ? labelOf(journey.value as Journey, at) : undefined;
-  const moreS = ((plan ?? road)?.duration_s ?? 0) - (chargingPlan.value?.duration_s ?? 0);
-  return name && `${name}, ${words.longer(format.value.duration(Math.max(moreS, 0)))}`;
-}
-
 /** What to do if a station is occupied. */
 export function occupiedText({ if_full: full, pause_s }: Stop): string {
   const { journey: words } = text.value;
   if (!full && pause_s > 0) return words.laterInPause;
   const { duration, shown } = format.value;
-  if (!full) return words.noOther(saferText());
+  if (!full) return words.noOther;
   return words.ifFull(
     stationName(full.station),
     shown(full.soc_arrival, PERCENT),
@@ -148,7 +135,7 @@ function StopRow({ of, isTold }: { of: Stop; isTold: boolean }) {
             ` · ${words.neededBelow(upwards(of.needed_below))}`}
         </span>
       </p>
-      <p class="note">{occupiedText(of)}</p>
+      {(of.if_full || of.pause_s > 0) && <p class="note">{occupiedText(of)}</p>}
       <StationActions of={of.station} />
     </li>
   );

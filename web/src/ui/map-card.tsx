@@ -23,6 +23,7 @@ import { beginAt, move, source } from "../state/catalogue";
 import { chargingPlan } from "../state/answer";
 import { chooseRoad } from "../state/forecast";
 import {
+  answersAreOld,
   choice,
   chosenRoad,
   ends,
@@ -222,7 +223,7 @@ function MapCanvas({
     if (!now || !made.value || !wantsFit.value) return;
     const plans = chargingPlan.value ? [chargingPlan.value] : now.roads;
     made.value.fit(plans.flatMap(pointsOf));
-    wantsFit.value = false;
+    wantsFit.value = answersAreOld.value; // its charging stops may lie beside the road
   });
   useSignalEffect(() => {
     const points = (reach.value?.areas ?? []).flatMap(({ polygon }) => polygon.coordinates.flat());

@@ -16,7 +16,7 @@ import {
 import { isBetter } from "../model/diary";
 import { warningsOf } from "../model/flags";
 import { atMotorwaySpeed } from "../model/links";
-import { HERE_M, placeOfStation, STATION_KIND } from "../model/stations";
+import { HERE_M, isSame, placeOfStation, STATION_KIND } from "../model/stations";
 import { ENERGY, PERCENT } from "../model/units";
 import { source } from "../state/catalogue";
 import { car } from "../state/car";
@@ -58,12 +58,14 @@ import { Stat, useAsked } from "./parts";
 import { ShareTools } from "./share";
 import { Warnings } from "./warnings";
 import {
+  bandText,
   chanceInFigures,
   chargingText,
   clockAfter,
   clockParts,
   range,
   rangeWithUnit,
+  SHOWN_SOC,
   stationName,
   turnText,
   upwards,
@@ -87,8 +89,6 @@ const LOW_SOC = 0.2;
 /** Nearer places are told with a digit more [m]. */
 const NEAR_M = 10_000;
 
-/** A smaller charge is 0 % as it is shown. */
-const SHOWN_SOC = 0.005;
 /** A station that is nearer than this is said to be here, and a shorter detour is none [m]. */
 const HEREABOUTS_M = 1000;
 /** Less charge to leave with is told from this on. */
@@ -169,6 +169,7 @@ function Whole({ now, isEmpty }: { now: Answer; isEmpty: boolean }) {
   const { duration, shown } = format.value;
   const at = clock.value;
   const [time, day] = at ? clockParts(at.arrives, at.isNow ? at.leaves : new Date()) : [];
+  const leaves = at?.isNow && words[chargesHere.value ? "chargingNow" : "leavingNow"];
   const pluggedS = now.chargingS - now.overheadS;
   const alone = now.charges > 0 ? journey.value?.roads[chosenRoad.value] : undefined;
   const detourM = alone ? now.distanceM - alone.distance_m : 0;
@@ -183,8 +184,7 @@ function Whole({ now, isEmpty }: { now: Answer; isEmpty: boolean }) {
       {at && !isEmpty && (
         <Stat label={turn.value ? words.backAt : words.arrivesAt}>
           {time}
-          {day && <small>{day}</small>}
-          {at.isNow && <small>{chargesHere.value ? words.chargingNow : words.leavingNow}</small>}
+          <small>{[day, leaves].filter(Boolean).join(", ")}</small>
         </Stat>
       )}
       <Stat label={isLookingForStops.value ? words.drivingAlone : words.duration}>
@@ -280,13 +280,6 @@ function farText(farM: number): string {
   return format.value.shown(farM, units.value.distance, farM < NEAR_M ? 1 : 0);
 }
 
-/** A 90 % interval of a charge; only its upper end where the battery may be empty before, and nothing where it is. */
-function bandText([low = 0, high = low]: readonly number[]): string {
-  if (high < SHOWN_SOC) return "";
-  if (low < SHOWN_SOC) return text.value.result.atBest(format.value.shown(high, PERCENT));
-  return rangeWithUnit([low, high], PERCENT);
-}
-
 /** The name of a station, for an app that leads there. */
 function StationLink({ of }: { of: Station }) {
   const at = `geo:${of.latitude_deg},${of.longitude_deg}`;
@@ -314,16 +307,15 @@ function StopText({ of, fromM }: { of: Stop; fromM: number }) {
   );
 }
 
-/** The way from the start of the journey to a place. */
-async function wayTo(to: Place, at = conditions.value): Promise<Road | undefined> {
-  const of = trip.value as Trip;
-  const stops = [...(of.stops ?? []).slice(0, 1), { ...to, kind: "" }];
-  const body = journeyRequest({ ...of, stops, pauseS: null }, at, car.value);
+/** The way to a place from the start of the journey, or from another one. */
+async function wayTo(to: Place, at = conditions.value, from = trip.value?.stops?.[0]) {
+  const stops = [from as Place, { ...to, kind: "" }];
+  const body = journeyRequest({ ...(trip.value as Trip), stops, pauseS: null }, at, car.value);
   return (await askJourney(body, false).catch(() => null))?.roads[0];
 }
 
-/** How likely a driver gets to a station slowly, without heating and air conditioning. */
-function Gently({ to }: { to: Station }) {
+/** How likely a driver gets to a station slowly, without heating and air conditioning; nothing where hardly anybody does. */
+function Gently({ to, as: Tag }: { to: Station; as: "li" | typeof Fragment }) {
   const at: Conditions = { ...conditions.value, climate: "off" };
   const ask = async () => {
     const { links, elevation } = (await wayTo(placeOfStation(to, ""), at)) as Road;
@@ -332,35 +324,49 @@ function Gently({ to }: { to: Station }) {
     return requestForecast(forecastRequest(way, at, car.value));
   };
   const then = useAsked(ask, [JSON.stringify([to, at, car.value, trip.value?.stops?.[0]])]);
-  const { journey: words } = text.value;
-  if (!then) return words.driveGently;
+  if (!then || chanceAtAll(then) < OPEN[0]) return null;
   const speed = format.value.shown(GENTLE_M_S, units.value.speed, 0);
-  return words.gently(speed, chanceInFigures(chanceAtAll(then)), bandText(arrivalBand(then)));
+  const reached = [chanceInFigures(chanceAtAll(then)), bandText(arrivalBand(then))] as const;
+  return <Tag>{text.value.journey.gently(speed, ...reached)}</Tag>;
 }
 
-/** What has to be known of the first stop before, or `after` it, each as an item of the list. */
-function FirstStop({ of, chance, after }: { of: Stop; chance: number; after: boolean }) {
-  const { journey: words } = text.value;
-  const isTold = reasonOfJourney() === BELOW && of.position_m >= HERE_M;
-  const items = after
-    ? [occupiedText(of)]
-    : [
-        isTold && words.reachedAtAll(chanceInFigures(of.p_reach), bandText(of.soc_interval)),
-        of.p_reach < OPEN[1] && of.position_m >= HERE_M && <Gently to={of.station} />,
-        Math.max(of.p_reach, chance) < OPEN[1] && words.orCall,
-      ];
-  return items.map((one, k) => one && <li key={k}>{one}</li>);
+/** What to do if a station is occupied; without another one in the plan, the nearest for who arrives with little. */
+function Occupied({ of }: { of: Stop }) {
+  const here = { ...placeOfStation(of.station, ""), kind: "" };
+  const at = { ...conditions.value, soc: of.soc_interval[0] ?? 0 };
+  const roadTo = async (to: Place) => (isSame(to, here) ? undefined : wayTo(to, at, here));
+  const ask = async () => (of.if_full || of.pause_s > 0 ? null : nearestStation(here, roadTo));
+  const nearest = useAsked(ask, [JSON.stringify([here, at, car.value])]);
+  const { forecast, distance_m = 0 } = nearest?.way ?? {};
+  if (!nearest || !forecast || chanceAtAll(forecast) < PROBABLE) return <li>{occupiedText(of)}</li>;
+  const { nextOther, reachedAtAll } = text.value.journey;
+  const reached = reachedAtAll(chanceInFigures(chanceAtAll(forecast)), bandText(arrivalBand(forecast)));
+  return <li>{`${nextOther(stationName(nearest.of), farText(distance_m))} ${reached}`}</li>;
+}
+
+/** What has to be known of the first stop, each as an item of the list. */
+function FirstStop({ of, plan }: { of: Stop; plan: ChargingPlan }) {
+  const { orCall, reachedAtAll } = text.value.journey;
+  const isAway = of.position_m >= HERE_M;
+  const reached = isAway && reasonOfJourney() === BELOW && chanceInFigures(of.p_reach);
+  return (
+    <>
+      {reached && <li>{reachedAtAll(reached, bandText(of.soc_interval))}</li>}
+      {isAway && (of.p_reach < 0.5 || plan.p_arrive < OPEN[1]) && <Gently to={of.station} as="li" />}
+      {Math.max(of.p_reach, plan.p_arrive) < OPEN[1] && <li>{orCall}</li>}
+      <Occupied of={of} />
+    </>
+  );
 }
 
 /** Where the journey halts, each as an item of the list. */
 function Halts({ plan }: { plan: ChargingPlan | null }) {
   return halts.value.map((one, k) => (
     <Fragment key={k}>
-      {plan && one === plan.stops[0] && <FirstStop of={one} chance={plan.p_arrive} after={false} />}
       <li>
         {"station" in one ? <StopText of={one} fromM={halts.value[k - 1]?.position_m ?? 0} /> : turnText(one)}
       </li>
-      {plan && one === plan.stops[0] && <FirstStop of={one} chance={plan.p_arrive} after />}
+      {plan && one === plan.stops[0] && <FirstStop of={one} plan={plan} />}
     </Fragment>
   ));
 }
@@ -394,7 +400,7 @@ function NoStop({ of, from }: { of: Trip; from: Place }) {
         <>
           {isHere ? words.stationHere : words.nearest} <StationLink of={nearest.of} />
           {isHere ? words.chargeThere : words.away(farText(way?.distance_m ?? nearest.farM), !!way)} {reached}{" "}
-          {way && chanceAtAll(way.forecast) < OPEN[1] && <Gently to={nearest.of} />}
+          {way && chanceAtAll(way.forecast) < OPEN[1] && <Gently to={nearest.of} as={Fragment} />}
         </>
       )}
     </>
@@ -409,7 +415,9 @@ function ChargedFirst({ of, plan, needed }: { of: Trip; plan: ChargingPlan; need
   const there = useAsked(ask, [pausing, JSON.stringify(body)]);
   const forecast = there?.roads[0]?.forecast;
   const least = forecast && there ? there.soc_needed + 0.01 : pausing > 0 ? undefined : needed; // the way back has its risk, too
-  const alone = journey.value?.roads[chosenRoad.value];
+  const roads = journey.value?.roads ?? [];
+  const [frugal] = [...roads].sort((one, other) => one.forecast.energy_wh - other.forecast.energy_wh);
+  const alone = forecast ? roads[chosenRoad.value] : frugal; // the charge needed is the least of all roads
   const { soc, reserve } = conditions.value;
   if (least === undefined || least > 1 || least <= soc || !alone) return null;
   const { journey: words } = text.value;
@@ -421,13 +429,11 @@ function ChargedFirst({ of, plan, needed }: { of: Trip; plan: ChargingPlan; need
   return (
     <>
       <h3>{words.chargedFirst(upwards(least), shown(moreWh, ENERGY, 1), !forecast)}</h3>
-      <ul>
-        <li>{words[forecast ? "onlyInPause" : "withoutStop"](pausing === 0 ? "" : duration(lessS))}</li>
-        {forecast && (
-          <li>{words.notNow(shown(soc, PERCENT), shown(forecast.soc_arrival, PERCENT), ...chances)}</li>
-        )}
-      </ul>
+      <p>{words[forecast ? "onlyInPause" : "withoutStop"](pausing === 0 ? "" : duration(lessS))}</p>
       {forecast && <h3>{words.otherwise}</h3>}
+      {forecast && (
+        <p>{words.notNow(shown(soc, PERCENT), shown(forecast.soc_arrival, PERCENT), ...chances)}</p>
+      )}
     </>
   );
 }
@@ -462,11 +468,7 @@ function ToDo({ of }: { of: Forecast }) {
   return (
     <div class={`journey-answer todo${isOld ? " old" : ""}`} aria-busy={isOld}>
       {isFirst && charged}
-      {stopsHelp && (
-        <ul>
-          <li>{words.leaveWithStops(upwards(withStops))}</li>
-        </ul>
-      )}
+      {stopsHelp && <p>{words.leaveWithStops(upwards(withStops))}</p>}
       {stopsHelp && <h3>{words.otherwise}</h3>}
       <ul>
         {(plan || emptyAfterM(of) === null) && <Halts plan={plan} />}
@@ -481,7 +483,7 @@ function ToDo({ of }: { of: Forecast }) {
 function HowSure({ of, now }: { of: Forecast; now: Answer }) {
   const others = mode.value === "compare" ? (alternative.value?.flags ?? []) : [];
   const chance = decisiveChance(now);
-  const isOpen = chance > OPEN[0] && chance < OPEN[1] && reasonOfJourney() !== BELOW;
+  const isOpen = chance > OPEN[0] && chance < OPEN[1] && !stopInDoubt.value;
   const { verdict: words, result, ownCars: ownWords } = text.value;
   const ofRoad = of.flags.filter(({ code }) => !chargingPlan.value || code !== EMPTY);
   const flags = [...ofRoad, ...(journey.value?.flags ?? [])];

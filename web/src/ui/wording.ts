@@ -9,6 +9,9 @@ import { clock, type Turn } from "../state/answer";
 import { journey } from "../state/journey";
 import type { Trip } from "../state/trip";
 
+/** A smaller charge is 0 % as it is shown. */
+export const SHOWN_SOC = 0.005;
+
 /** A smaller difference in height explains little of the charge at a turn [m]. */
 const TOLD_RISE_M = 100;
 
@@ -57,6 +60,13 @@ export function chargerParts({ plug, power_w, power_known }: Station): string[] 
   const names: Record<string, string> = text.value.journey.plugs;
   const assumed = power_known ? "" : ` (${text.value.map.assumed})`;
   return [names[plug] ?? "", power_w > 0 ? format.value.shown(power_w, POWER) + assumed : ""].filter(Boolean);
+}
+
+/** A 90 % interval of a charge; only its upper end where the battery may be empty before, and nothing where it is. */
+export function bandText([low = 0, high = low]: readonly number[]): string {
+  if (high < SHOWN_SOC) return "";
+  if (low < SHOWN_SOC) return text.value.result.atBest(format.value.shown(high, PERCENT));
+  return rangeWithUnit([low, high], PERCENT);
 }
 
 /** How long a car charges at a stop, and with which mean power; `explains` says why that is far below the station's. */

@@ -206,7 +206,7 @@ def _climate_actions(vehicle: Vehicle, plan: Plan) -> Iterator[Action]:
     cold = outside < setpoint
     for k in _SETPOINT_STEPS_K:
         moved = setpoint - k if cold else setpoint + k
-        if min(abs(outside - setpoint), 29.0 - moved, moved - 15.0) >= 1.0:
+        if k <= abs(outside - setpoint) and 16.0 <= moved <= 28.0:
             yield Action("setpoint", "climate", "some", {"cabin_setpoint_degc": moved}, moved)
     if cold and setpoint - outside > _SEATS_FROM_K and "heated_seats" not in (departure.extras or ()):
         seats = {"cabin_setpoint_degc": _SEATS_SETPOINT_DEGC}
