@@ -1,4 +1,4 @@
-"""The worker pool with executors that only pretend: starts, jobs, losses, restarts and times. `test_process` has real ones."""
+"""The worker pool with workers that only pretend: starts, jobs, losses, restarts and times. `test_process` has real ones."""
 
 from __future__ import annotations
 
@@ -6,8 +6,6 @@ import asyncio
 import contextlib
 import os
 from collections.abc import Callable
-from concurrent.futures import Future
-from concurrent.futures.process import BrokenProcessPool
 from typing import Any
 
 import pytest
@@ -26,68 +24,63 @@ Step = tuple[Any, ...] | float | Exception | None
 """What a worker does with a job: answer, answer after a delay [s], fail or end, or hang."""
 
 
-class Executor:
-    """An executor that follows its steps; its process has a number."""
+class Worker:
+    """A worker that follows its steps; it is its own process, which has a number, and the end of its socket."""
 
     def __init__(self, pid: int, steps: list[Step]) -> None:
-        self.pid, self.steps = pid, steps
+        self.pid, self.steps, self.process, self.writer = pid, steps, self, self
         self.asked: list[tuple[Any, ...]] = []
-        self.running: Future[Any] | None = None
-        self.broken = self.stopped = False
+        self.running: asyncio.Future[Any] | None = None
+        self.broken = self.stopped = self.closed = False
         self.killed_s: float | None = None
 
-    def submit(self, work: Callable[..., Any], *args: Any) -> Future[Any]:
+    async def call(self, work: Callable[..., Any], *args: Any) -> Any:
         if self.broken:
-            raise BrokenProcessPool
-        made: Future[Any] = Future()
-        made.set_running_or_notify_cancel()
+            raise EOFError
         if work is os.getpid:
-            made.set_result(self.pid)
-            return made
+            return self.pid
         self.asked.append(args)
         step = self.steps.pop(0) if self.steps else ANSWER
         if isinstance(step, tuple):
-            made.set_result(step)
-        elif isinstance(step, Exception):
+            return step
+        if isinstance(step, Exception):
             self.broken = True
-            made.set_exception(step)
-        else:
-            self.running = made
-            if step is not None:
-                asyncio.get_running_loop().call_later(step, made.set_result, ANSWER)
-        return made
+            raise step
+        self.running = asyncio.get_running_loop().create_future()
+        if step is not None:
+            asyncio.get_running_loop().call_later(step, self.running.set_result, ANSWER)
+        return await self.running
+
+    def kill(self) -> None:
+        self.killed_s = elapsed_s()
+        self.end()
 
     def end(self) -> None:
         self.broken = True
         if self.running is not None and not self.running.done():
-            self.running.set_exception(BrokenProcessPool())
+            self.running.set_exception(EOFError())
 
-    def shutdown(self) -> None:
+    def join(self) -> None:
         self.stopped = True
 
+    def close(self) -> None:
+        self.closed = True
 
-class Executors:
-    """Makes executors in place of the real ones, each with the next steps; kills reach them."""
+
+class Workers:
+    """Starts such workers in place of the real ones, each with the next steps."""
 
     def __init__(self, patch: pytest.MonkeyPatch, *steps: list[Step] | Exception) -> None:
         self.steps = list(steps)
-        self.made: list[Executor] = []
-        self.calls: list[tuple[Any, ...]] = []
-        patch.setattr(room, "ProcessPoolExecutor", self.make)
-        patch.setattr(os, "kill", self.kill)
+        self.made: list[Worker] = []
+        patch.setattr(room.Worker, "start", self.start)
 
-    def make(self, *args: Any) -> Executor:
-        self.calls.append(args)
+    async def start(self, *args: Any) -> Worker:
         steps = self.steps.pop(0) if self.steps else []
         if isinstance(steps, Exception):
             raise steps
-        self.made.append(Executor(100 + len(self.made), steps))
+        self.made.append(Worker(100 + len(self.made), steps))
         return self.made[-1]
-
-    def kill(self, pid: int, signal: int) -> None:
-        executor = self.made[pid - 100]
-        executor.killed_s = elapsed_s()
-        executor.end()
 
 
 @contextlib.asynccontextmanager
@@ -110,7 +103,7 @@ async def settled() -> None:
 
 
 def test_jobs_beyond_the_waiting_ones_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
-    Executors(monkeypatch, [1.0])
+    Workers(monkeypatch, [1.0])
 
     async def run() -> None:
         async with running(waiting=1) as pool:
@@ -131,7 +124,7 @@ def test_jobs_beyond_the_waiting_ones_are_refused(monkeypatch: pytest.MonkeyPatc
 @pytest.mark.parametrize("greedy", [3, 30])
 def test_clients_take_turns_and_each_finds_a_place(monkeypatch: pytest.MonkeyPatch, greedy: int) -> None:
     """However many jobs other clients send, one more waits for at most one of each; a client takes no more places than it leaves."""
-    Executors(monkeypatch, [1.0] * 200)
+    Workers(monkeypatch, [1.0] * 200)
     ended_s: dict[str, list[float]] = {"first": [], "second": [], "late": []}
     refused: list[str] = []
 
@@ -173,7 +166,7 @@ def test_the_computing_time_of_a_job_is_bounded_by_its_kind(
     monkeypatch: pytest.MonkeyPatch, kind: str, ends_s: float
 ) -> None:
     """The worker is replaced at the bound, and the job does not run again on another one."""
-    executors = Executors(monkeypatch, [None], [])
+    workers = Workers(monkeypatch, [None], [])
 
     async def run() -> None:
         async with running(compute_s=3.0) as pool:
@@ -181,15 +174,15 @@ def test_the_computing_time_of_a_job_is_bounded_by_its_kind(
                 await pool.run({"kind": kind}, b"")
             assert (caught.value.kind, elapsed_s()) == ("timeout", ends_s)
             await settled()
-            assert executors.made[0].killed_s == ends_s
+            assert workers.made[0].killed_s == ends_s
             assert (await pool.run({"kind": kind}, b"")).status == 200
-            assert len(executors.made[1].asked) == 1
+            assert len(workers.made[1].asked) == 1
 
     run_jumping(run())
 
 
 def test_a_cancelled_request_leaves_its_worker_usable(monkeypatch: pytest.MonkeyPatch) -> None:
-    executors = Executors(monkeypatch, [2.0])
+    workers = Workers(monkeypatch, [2.0])
 
     async def run() -> None:
         async with running() as pool:
@@ -198,7 +191,7 @@ def test_a_cancelled_request_leaves_its_worker_usable(monkeypatch: pytest.Monkey
             task.cancel()
             await settled()
             assert (await pool.run(JOB, b"")).status == 200
-            assert (elapsed_s(), len(executors.made), pool.lost) == (2.0, 1, 0)
+            assert (elapsed_s(), len(workers.made), pool.lost) == (2.0, 1, 0)
 
     run_jumping(run())
 
@@ -207,7 +200,7 @@ def test_a_cancelled_request_leaves_its_worker_usable(monkeypatch: pytest.Monkey
 def test_a_job_loses_at_most_three_workers(
     monkeypatch: pytest.MonkeyPatch, losses: int, is_lost: bool
 ) -> None:
-    Executors(monkeypatch, *([BrokenProcessPool()] for _ in range(losses)))
+    Workers(monkeypatch, *([EOFError()] for _ in range(losses)))
 
     async def run() -> None:
         async with running() as pool:
@@ -226,20 +219,20 @@ def test_a_job_loses_at_most_three_workers(
 
 
 def test_an_idle_worker_that_ended_is_replaced_within_a_second(monkeypatch: pytest.MonkeyPatch) -> None:
-    executors = Executors(monkeypatch)
+    workers = Workers(monkeypatch)
 
     async def run() -> None:
         async with running() as pool:
-            executors.made[0].end()
+            workers.made[0].end()
             await asyncio.sleep(1.1)
-            assert (pool.lost, pool.ready, len(executors.made)) == (1, 1, 2)
+            assert (pool.lost, pool.ready, len(workers.made)) == (1, 1, 2)
 
     run_jumping(run())
 
 
 def test_a_worker_that_does_not_start_is_tried_again(monkeypatch: pytest.MonkeyPatch) -> None:
     said = list[dict[str, Any]]()
-    Executors(monkeypatch, [BrokenProcessPool()], OSError("no process"), BrokenProcessPool("ended"))
+    Workers(monkeypatch, [EOFError()], OSError("no process"), EOFError("ended"))
 
     async def run() -> None:
         async with running(log=lambda **record: said.append(record)) as pool:

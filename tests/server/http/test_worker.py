@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import multiprocessing
+import asyncio
+import os
 import signal
 import sys
-from concurrent.futures import ProcessPoolExecutor
 from typing import Any
 
 import orjson
@@ -14,6 +14,7 @@ import pytest
 from tripwatt.errors import Fault, InvalidInput, RemoteError
 from tripwatt.roads.journey import AtlasSettings
 from tripwatt.server.http import worker
+from tripwatt.server.http.pool import Worker
 from tripwatt.server.http.problems import Problem
 from tripwatt.server.http.settings import Limits
 
@@ -29,8 +30,8 @@ class Jobs:
         self.results = list(results)
         self.asked: list[tuple[Any, ...]] = []
 
-    def run(self, job: dict[str, Any], body: bytes) -> Any:
-        self.asked.append((job, body))
+    def run(self, kind: str, body: bytes) -> Any:
+        self.asked.append((kind, body))
         found = self.results.pop(0)
         if isinstance(found, Exception):
             raise found
@@ -68,16 +69,36 @@ def test_too_little_memory_is_a_fault_of_what_was_sent(capsys: pytest.CaptureFix
 
 
 def test_a_process_is_prepared_once_and_runs_jobs() -> None:
-    """In a process of its own: its memory is bounded, and its signals are ignored."""
-    with ProcessPoolExecutor(
-        1, multiprocessing.get_context("spawn"), worker.prepare, ({}, Limits(), AtlasSettings(), None)
-    ) as process:
-        status, content, seconds = process.submit(worker.run_in_worker, {"kind": "forecast"}, b"{").result()
+    """In a process of its own: its memory is bounded, its signals are ignored, and a call after its end is no result."""
+
+    async def run() -> None:
+        process = await Worker.start({}, Limits(), AtlasSettings(), None)
+        status, content, seconds = await process.call(worker.run_in_worker, {"kind": "forecast"}, b"{")
         assert (status, orjson.loads(content)["type"]) == (400, "/problems/not-json")
         assert 0.0 <= seconds < 120.0
-        assert process.submit(signal.getsignal, signal.SIGTERM).result() is signal.SIG_IGN
+        assert await process.call(signal.getsignal, signal.SIGTERM) is signal.SIG_IGN
+        body = bytes(3_000_000)
+        assert await process.call(bytes, body) == body
         if sys.platform == "linux":
             import resource
 
-            bound = process.submit(resource.getrlimit, resource.RLIMIT_DATA).result()[0]
+            bound = (await process.call(resource.getrlimit, resource.RLIMIT_DATA))[0]
             assert Limits().memory_bytes < bound < Limits().memory_bytes + 4e9
+        for _ in range(2):
+            with pytest.raises((EOFError, OSError)):
+                await process.call(os._exit, 3)
+        process.process.join()
+        assert process.process.exitcode == 3
+
+    asyncio.run(run())
+
+
+def test_a_process_ends_when_its_socket_is_closed() -> None:
+    async def run() -> None:
+        process = await Worker.start({}, Limits(), AtlasSettings(), None)
+        await process.call(os.getpid)
+        process.writer.close()
+        await asyncio.to_thread(process.process.join, 60.0)
+        assert process.process.exitcode == 0
+
+    asyncio.run(run())

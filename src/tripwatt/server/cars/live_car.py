@@ -391,8 +391,7 @@ class LiveCar(Recorder):
         trip, forecasts = self.trip, self.forecasts
         if trip is None or not forecasts:
             return trip is not None
-        since_s = trip.last_s - trip.start_s - forecasts[-1].at_s
-        return since_s >= EVERY_S and len(forecasts) < MAX_FORECASTS
+        return trip.last_s - trip.start_s - forecasts[-1].at_s >= EVERY_S and len(forecasts) < MAX_FORECASTS
 
     def close(self) -> None:
         """Close the car's file and unlock its folder, so that another process can follow the car."""

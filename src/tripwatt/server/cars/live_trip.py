@@ -119,8 +119,7 @@ class LiveTrip:
                 self.stood_s = min(self.stood_s, max(self.moved_s, sample.time_s - HOLD_S))
         if not len(self) or sample.time_s - self._samples[-1].time_s >= self._min_step_s:
             if len(self) >= MAX_SAMPLES:
-                duration_s = self._samples[-1].time_s - self._samples[0].time_s
-                self._min_step_s = 2.0 * duration_s / len(self)
+                self._min_step_s = 2.0 * (self._samples[-1].time_s - self._samples[0].time_s) / len(self)
                 del self._samples[1::2]
             self._samples.append(sample)
         self.last_s = sample.time_s

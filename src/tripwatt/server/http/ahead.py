@@ -97,8 +97,7 @@ class Ahead:
             ahead = [await self._without_road(car, "distance", distance_km=km) for km in next_km]
             needed = None if car.trip else await _or_none(self.need(car, NeedQuery.model_validate({})))
             range_ = None if document["soc"] is None else await self._without_road(car, "range")
-            fields = {"need": needed, "range": range_, "next": [one for one in ahead if one]}
-            self.known[car] = state, fields
+            self.known[car] = state, {"need": needed, "range": range_, "next": [one for one in ahead if one]}
         return {**document, **self.known[car][1]}
 
     async def shown(self, car: Car, include: str | None) -> dict[str, Any]:

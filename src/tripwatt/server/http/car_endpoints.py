@@ -15,6 +15,7 @@ from starlette.requests import Request
 from starlette.responses import Response
 
 from tripwatt.errors import InvalidInput
+from tripwatt.server.cars.car import Car
 from tripwatt.server.cars.documents import LiveResponse
 from tripwatt.server.cars.live_car import VALID_NAME
 from tripwatt.server.cars.telemetry import FORMATS
@@ -179,7 +180,7 @@ async def list_live(call: Called, include: Include = None) -> Response:
 @live.get("/v1/events", **LIVE_EVENTS)
 async def get_all_events(call: Called, token: EventToken = None) -> Response:
     """Stream the states of all cars on the road as server-sent events."""
-    return Response(media_type=EVENTS) if _is_head(call) else call.service.live.stream(None)
+    return _stream(call, None)
 
 
 @live.get("/v1/live/{car}", response_model=schemas.LiveCarDocument)
@@ -219,13 +220,12 @@ async def delete_plan(call: Called, car: CarName) -> Response:
 @live.get("/v1/live/{car}/events", **LIVE_EVENTS)
 async def get_events(call: Called, car: CarName, token: EventToken = None) -> Response:
     """Stream the state of a car on the road and the forecasts of its trip as server-sent events."""
-    followed = call.service.live.by_name(car)
-    return Response(media_type=EVENTS) if _is_head(call) else call.service.live.stream(followed)
+    return _stream(call, call.service.live.by_name(car))
 
 
-def _is_head(call: Called) -> bool:
-    """Whether the request asks for no body; a stream would never end then."""
-    return bool(call.request.scope.get("was_head"))
+def _stream(call: Called, car: Car | None) -> Response:
+    """Return the events of a car, or of all; nothing if the request asks for no body, since a stream would never end then."""
+    return Response(media_type=EVENTS) if "was_head" in call.request.scope else call.service.live.stream(car)
 
 
 async def _take(call: Called, message: Mapping[str, Any], token: str | None) -> Response:
@@ -256,8 +256,7 @@ def message_of(body: bytes, kind: str) -> dict[str, Any]:
     try:
         return dict(parse_qsl(body.decode("utf-8"), max_num_fields=MAX_FORM_FIELDS))
     except ValueError as error:
-        allowed = "the fields token and tlm"
-        raise InvalidInput.of("not a form", "body", f"{error}"[:80], allowed) from error
+        raise InvalidInput.of("not a form", "body", f"{error}"[:80], "the fields token and tlm") from error
 
 
 def given_token(message: Mapping[str, Any], request: Request, of_query: str | None) -> str:

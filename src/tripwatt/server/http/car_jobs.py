@@ -201,8 +201,7 @@ class CarJobs:
         file = tables.parent / PROGRESS
         read = [*tables.glob("[!.]*")]
         try:
-            kinds = _kinds_of_upload(tables, request, car.vehicle)
-            fleet = read_kinds(tables, kinds, heights=self.heights)
+            fleet = read_kinds(tables, _kinds_of_upload(tables, request, car.vehicle), heights=self.heights)
         except InvalidInput as error:
             raise _without_folder(error, tables) from error
 

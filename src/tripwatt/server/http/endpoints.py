@@ -103,8 +103,7 @@ _add_job(forecasts, "/v1/advice", "advice", journey.AdviceResponse)
 async def batch(call: Called, fields: Fields = None) -> Response:
     """Forecast many trips: one request per line in, one forecast or problem per line out, in the same order."""
     service, limits = call.service, call.service.settings.limits
-    body = await service.read_body(call.request, BATCH_TYPES, limits.batch_bytes)
-    lines = parse_lines(body, limits.batch)
+    lines = parse_lines(await service.read_body(call.request, BATCH_TYPES, limits.batch_bytes), limits.batch)
     if service.batches.locked():
         raise Problem("busy", "too many batches", headers={"Retry-After": "5"})
 

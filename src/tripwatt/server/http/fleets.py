@@ -43,8 +43,7 @@ def model_summary(folder: Path | None, fleet: FollowedModel | None) -> dict[str,
     description = metadata.pop("fleet")
     provenance = {name: metadata[name] for name in ("tripwatt", "packages")}
     name = description["car_models"][0]
-    car = {"car": name, "car_title": load_vehicle(name).title}
-    model = {**car, "version": fleet.version, **description}
+    model = {"car": name, "car_title": load_vehicle(name).title, "version": fleet.version, **description}
     return {"model": model, "contract": {}, "provenance": provenance, "evaluation": {}}
 
 

@@ -305,14 +305,14 @@ class Jobs:
         if car is None:
             return fitted
         key = name, car if isinstance(car, str) else car.model_dump_json()
-        made = self.transferred.get(key) or for_car(fitted, car if isinstance(car, str) else describe(car))
+        made = self.transferred.get(key) or for_car(fitted, described(car))
         if made is not fitted:
             self.transferred[key] = made
         return made
 
     def describe(self, request: VehicleFigures) -> dict[str, Any]:
         """Describe a car that the library does not have, by a few figures."""
-        return describe_vehicle(describe(request))
+        return describe_vehicle(describe_car(**request.model_dump()))
 
     def new_car(self, request: NewCarRequest) -> dict[str, Any]:
         """Make the car of a `NewCarRequest`, and return it."""
@@ -320,8 +320,7 @@ class Jobs:
             raise InvalidInput.of("name is taken", "name", request.name, "a name that no model has")
         if isinstance(request.car, str):
             self.require_known("car", request.car)
-        car = request.car if isinstance(request.car, str) else describe(request.car)
-        return self.cars.create(request.name, car)
+        return self.cars.create(request.name, described(request.car))
 
     examples = staticmethod(example_summaries)
     example = staticmethod(example)
@@ -341,9 +340,9 @@ class Jobs:
         return {"vehicles": rows}
 
 
-def describe(figures: VehicleFigures) -> Vehicle:
-    """Return the vehicle that the figures of a request describe."""
-    return describe_car(**figures.model_dump())
+def described(car: VehicleFigures | str) -> Vehicle | str:
+    """Return the vehicle that the figures of a request describe; the name of a car stays as it is."""
+    return car if isinstance(car, str) else describe_car(**car.model_dump())
 
 
 def require_finite(forecast: Mapping[str, Any]) -> dict[str, Any]:

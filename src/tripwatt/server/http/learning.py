@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import AsyncIterator, Callable
-from concurrent.futures.process import BrokenProcessPool
 from contextlib import asynccontextmanager
 from dataclasses import dataclass, replace
 from typing import Any, Final
@@ -123,7 +122,7 @@ class LearningCars:
                 self._started = True
                 try:
                     await self.learners.start()
-                except (OSError, BrokenProcessPool) as error:
+                except (OSError, EOFError) as error:
                     self._started = False
                     raise Problem("busy", "no worker started", headers={"Retry-After": "30"}) from error
             learning.result = await self.learners.run(job, body, may_queue=True)

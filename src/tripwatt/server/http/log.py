@@ -29,5 +29,4 @@ class JsonHandler(logging.Handler):
     def emit(self, record: logging.LogRecord) -> None:
         """Write one record."""
         if record.levelno >= logging.WARNING:
-            text = self.format(record)
-            log_json(event="server", level=record.levelname.lower(), message=text[:4000])
+            log_json(event="server", level=record.levelname.lower(), message=self.format(record)[:4000])

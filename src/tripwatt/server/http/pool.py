@@ -1,27 +1,26 @@
 """The worker pool: an idle worker process takes the next job; a worker that ends or hangs is replaced.
 
-A job is a pure function of its input. When its worker is lost, another worker runs it again. Each worker is an executor
-with one process: in an executor with several, one process that ends fails the jobs of all.
+A job is a pure function of its input. When its worker is lost, another worker runs it again. The event loop itself reads and
+writes the socket of each worker: an executor passes a job through two threads, which takes longer than all else that the
+service does for it.
 """
 
 from __future__ import annotations
 
 import asyncio
-import contextlib
 import multiprocessing
 import os
-import signal
+import pickle
+import socket
 from collections.abc import Callable, Coroutine, Iterable
-from concurrent.futures import ProcessPoolExecutor
-from concurrent.futures.process import BrokenProcessPool
-from dataclasses import dataclass
-from typing import Any, Final
+from multiprocessing.process import BaseProcess
+from typing import Any, Final, NamedTuple
 from weakref import WeakValueDictionary
 
 from tripwatt.server.http.problems import Problem
 from tripwatt.server.http.settings import Settings
 from tripwatt.server.http.sharing import CLIENT, Places
-from tripwatt.server.http.worker import prepare, run_in_worker
+from tripwatt.server.http.worker import answer_calls, run_in_worker
 
 MAX_ATTEMPTS: Final = 3
 """Most workers that one job may lose (a choice): without a bound, a job that crashes its worker would end all workers."""
@@ -32,8 +31,6 @@ LONG: Final = ("cars.", "journey", "plan", "reach", "night", "new_car")
 CHECK_S: Final = 1.0
 CHECK_TIMEOUT_S: Final = 60.0
 """Time between two checks of idle workers, and longest wait for the answer of one, which a busy machine may delay [s]. Choices."""
-
-KILL: Final = getattr(signal, "SIGKILL", signal.SIGTERM)  # Windows has only SIGTERM, which kills
 
 
 async def cancel_all(tasks: Iterable[asyncio.Task[Any]]) -> None:
@@ -54,8 +51,7 @@ async def cancel_all(tasks: Iterable[asyncio.Task[Any]]) -> None:
     await asyncio.gather(*listed, return_exceptions=True)
 
 
-@dataclass(frozen=True, slots=True)
-class JobResult:
+class JobResult(NamedTuple):
     """Result of a job.
 
     Attributes
@@ -73,17 +69,27 @@ class JobResult:
     seconds: float
 
 
-@dataclass(frozen=True, eq=False, slots=True)
-class Worker:
-    """An executor with one process, and the id of the process."""
+class Worker(NamedTuple):
+    """A process that runs one call after the other, and the two directions of the socket to it."""
 
-    executor: ProcessPoolExecutor
-    pid: int
+    process: BaseProcess
+    reader: asyncio.StreamReader
+    writer: asyncio.StreamWriter
 
-    def kill(self) -> None:
-        """Kill the process; the job that it runs fails."""
-        with contextlib.suppress(ProcessLookupError):
-            os.kill(self.pid, KILL)
+    @classmethod
+    async def start(cls, *needed: Any) -> Worker:
+        """Start a process with the arguments of `worker.prepare`."""
+        ours, theirs = socket.socketpair()
+        process = multiprocessing.get_context("spawn").Process(target=answer_calls, args=(theirs, *needed))
+        with theirs:
+            process.start()
+        return cls(process, *await asyncio.open_connection(sock=ours))
+
+    async def call(self, work: Callable[..., Any], *args: Any) -> Any:
+        """Return the result of a function in the process; raise EOFError or OSError if the process ends before."""
+        self.writer.write(pickle.dumps((work, args)))
+        length = await self.reader.readuntil()
+        return pickle.loads(await self.reader.readexactly(int(length)))
 
 
 class WorkerPool:
@@ -124,7 +130,7 @@ class WorkerPool:
 
         Raises
         ------
-        OSError, BrokenProcessPool
+        OSError, EOFError
             When a process does not start, or ends before it is ready.
         """
         await asyncio.gather(*(self._start_worker() for _ in range(self.settings.workers)))
@@ -134,8 +140,8 @@ class WorkerPool:
         """End all workers. Requests that still wait for a job have to be finished before."""
         await cancel_all(self._tasks)
         for worker in self._workers:
-            worker.kill()
-            worker.executor.shutdown()
+            worker.process.kill()
+            worker.process.join()
         self._workers.clear()
 
     async def run(self, job: dict[str, Any], body: bytes, *, may_queue: bool = False) -> JobResult:
@@ -176,13 +182,14 @@ class WorkerPool:
 
     async def _run_on(self, worker: Worker, timeout_s: float, work: Callable[..., Any], *args: Any) -> Any:
         """Run `work` on a worker and return its result; return None if the worker ended, or was killed because it hung."""
-        timer = asyncio.get_running_loop().call_later(timeout_s, worker.kill)
+        timer = asyncio.get_running_loop().call_later(timeout_s, worker.process.kill)
         try:
-            result = await asyncio.wrap_future(worker.executor.submit(work, *args))
-        except BrokenProcessPool:
+            result = await worker.call(work, *args)
+        except (OSError, EOFError):
             self._workers.discard(worker)
+            worker.writer.close()
             self.lost += 1
-            self.log(event="worker lost", pid=worker.pid)
+            self.log(event="worker lost", pid=worker.process.pid)
             self._keep_task(self._replace())
             return None
         finally:
@@ -206,9 +213,8 @@ class WorkerPool:
 
     async def _start_worker(self) -> None:
         settings = self.settings
-        needed = dict(settings.models), settings.limits, settings.atlas, settings.cars
-        executor = ProcessPoolExecutor(1, multiprocessing.get_context("spawn"), prepare, needed)
-        worker = Worker(executor, await asyncio.wrap_future(executor.submit(os.getpid)))
+        worker = await Worker.start(dict(settings.models), settings.limits, settings.atlas, settings.cars)
+        await worker.call(os.getpid)
         self._workers.add(worker)
         self._idle.put_nowait(worker)
 
@@ -216,7 +222,7 @@ class WorkerPool:
         while True:
             try:
                 await self._start_worker()
-            except (OSError, BrokenProcessPool) as error:
+            except (OSError, EOFError) as error:
                 self.log(event="worker did not start", error=repr(error))
                 await asyncio.sleep(5.0)  # so that a lasting cause does not fill the log
             else:

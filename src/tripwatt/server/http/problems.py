@@ -89,8 +89,7 @@ class Problem(Exception):
 
     def response(self, instance: str = "") -> Response:
         """Return the problem as an HTTP response; `instance` is the id of the request."""
-        content = orjson.dumps(self.document(instance))
-        return Response(content, self.status, dict(self.headers), MEDIA_TYPE)
+        return Response(orjson.dumps(self.document(instance)), self.status, dict(self.headers), MEDIA_TYPE)
 
 
 def fault_document(fault: Fault) -> dict[str, str]:

@@ -88,8 +88,7 @@ def _response(
     """Return the response to an upload, without links."""
     time, speed = samples["time_s"].to_numpy(), samples["speed_m_s"].to_numpy()
     if len(samples) > limits.samples:
-        allowed = f"at most {limits.samples}"
-        raise InvalidInput.of("too many samples", where, f"{len(samples)}", allowed)
+        raise InvalidInput.of("too many samples", where, f"{len(samples)}", f"at most {limits.samples}")
     require_duration(float(time[-1] - time[0]), where, limits)
     raise_faults(time_faults(time, where))
     return {

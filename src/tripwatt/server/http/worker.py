@@ -6,7 +6,9 @@ import contextlib
 import gc
 import multiprocessing
 import os
+import pickle
 import signal
+import socket
 import sys
 import threading
 import time
@@ -38,6 +40,25 @@ PREPARED: Final[list[Jobs]] = []
 """The jobs of this process, once it is prepared."""
 
 
+def answer_calls(calls: socket.socket, *needed: Any) -> None:
+    """Prepare this process, and run the calls that arrive, one after the other, until the service closes the socket.
+
+    Parameters
+    ----------
+    calls : socket
+        Pickled functions with their arguments arrive; results are sent, each after a line with its length.
+    *needed : object
+        Arguments of `prepare`.
+    """
+    prepare(*needed)
+    with contextlib.suppress(OSError, EOFError), calls.makefile("rwb") as stream:
+        while True:
+            work, args = pickle.load(stream)
+            result = pickle.dumps(work(*args))
+            stream.write(b"%d\n" % len(result) + result)
+            stream.flush()
+
+
 def prepare(models: Mapping[str, Path], limits: Limits, atlas: AtlasSettings, cars: Path | None) -> None:
     """Load models, map and cars, and bound the memory of this process.
 
@@ -51,8 +72,7 @@ def prepare(models: Mapping[str, Path], limits: Limits, atlas: AtlasSettings, ca
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the service ends its workers
     signal.signal(signal.SIGTERM, signal.SIG_IGN)
     threading.Thread(target=_end_with_service, daemon=True).start()
-    opened = open_atlas(atlas) if atlas.map else None
-    jobs = Jobs.from_folders(models, limits, opened, cars, log_json)
+    jobs = Jobs.from_folders(models, limits, open_atlas(atlas) if atlas.map else None, cars, log_json)
     jobs.warm_up()
     gc.collect()
     gc.freeze()
@@ -96,8 +116,7 @@ def run_job(jobs: Jobs, job: dict[str, Any], body: bytes) -> tuple[int, bytes]:
     400
     """
     try:
-        parameters = {name: value for name, value in job.items() if name not in ("kind", "fields")}
-        document = jobs.run(job["kind"], body, **parameters)
+        document = jobs.run(**job, body=body)
         if isinstance(document, bytes):
             return 200, document
         return 200, orjson.dumps(chosen_fields(document, job.get("fields")))
