@@ -225,12 +225,13 @@ def reachable_speed(weighted_m: FloatArray, aimed_m_s: FloatArray, style: Driver
     up, down = style.acceleration_m_s2, style.deceleration_m_s2
     squared = aimed_m_s * aimed_m_s
     potential_m = (squared * squared / (4.0 * half_squared) + squared / 2.0) / up
-    forward = np.minimum.accumulate(potential_m - weighted_m) + weighted_m
+    # `fmin` does not look for missing values and takes two thirds of the time
+    forward = np.fmin.accumulate(potential_m - weighted_m) + weighted_m
     # the rationalised root of the quadratic, exact also where v << h
     scaled = np.maximum(forward, 0.0) * (4.0 * up)
     squared = np.minimum(squared, scaled / (np.sqrt(scaled / half_squared + 1.0) + 1.0))
     after = squared / (2.0 * down) + weighted_m
-    backward = np.minimum.accumulate(after[::-1])[::-1] - weighted_m
+    backward = np.fmin.accumulate(after[::-1])[::-1] - weighted_m
     return np.sqrt(np.minimum(squared, np.maximum(backward, 0.0) * (2.0 * down)))
 
 

@@ -224,8 +224,8 @@ class Course:
     Per link: `limit` is the speed limit (infinite if unknown), `free` the speed without disturbance, `time` the travel time
     without the given stops, `fastest` the highest speed that is tried, `ends` the last node, `cells` the number of its cells, and
     `nodes` that of its nodes: one more on the first link. Per cell: `link` is the index of its link, `cell_m` its length. Per node:
-    `ramp` is a speed that is allowed in any case because a neighbouring link is faster. A dip is a place at which the car slows down
-    or stops; each has a node (`dip_node`) and a link (`dip_link`).
+    `ramp` is a speed that is allowed in any case because a neighbouring link is faster. The given stops are at the nodes `stops`. A
+    dip is a place at which the car slows down or stops; each has a node (`dip_node`) and a link (`dip_link`).
     """
 
     def __init__(
@@ -250,6 +250,7 @@ class Course:
         # twelve cells a dip let the car move between two stops and between a stop and the link's end
         cells = np.maximum(np.maximum(np.ceil(length / spacing), 4), 12 * dips).astype(np.int64)
         self.ends = np.cumsum(cells)
+        self.stops = self.ends[self.stop > 0]
         self.position = running_sum(np.repeat(length / cells, cells))
         self.position[self.ends] = np.cumsum(length)
         self.cell_m, self.link = np.diff(self.position), np.repeat(np.arange(n), cells)
@@ -286,7 +287,7 @@ class Course:
         aim[[0, -1]] = 0.0
         slow = self.free[self.dip_link] * (1.0 - np.minimum(np.maximum(delay[self.dip_link], 0.0), 1.0))
         aim[self.dip_node] = np.minimum(aim[self.dip_node], slow)
-        aim[self.ends[self.stop > 0]] = 0.0
+        aim[self.stops] = 0.0
         start_m = (effort * self.length).cumsum() - effort * self.position[self.ends]
         weighted_m = np.repeat(effort, self.nodes) * self.position + np.repeat(start_m, self.nodes)
         part = np.repeat(np.convolve(new, np.ones(3))[1:-1] > 0.0, self.nodes)
@@ -294,7 +295,8 @@ class Course:
         end = np.flatnonzero(part[1:-1] & ~(part[:-2] & part[2:])) + 1
         aim[end], speed = before[end], before.copy()
         speed[part] = reachable_speed(weighted_m[part], aim[part], self.style.driver)
-        if (np.abs(speed - before)[[end - 1, end, end + 1]] > 1e-9).any():
+        near = np.array([end - 1, end, end + 1])
+        if (np.abs(speed[near] - before[near]) > 1e-9).any():
             return self.drive(delay, before, np.ones_like(new))
         return speed, self.cell_m * 2.0 / (speed[1:] + speed[:-1])
 
