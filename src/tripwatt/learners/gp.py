@@ -262,19 +262,19 @@ class AdditiveGP:
         return np.repeat(np.asarray(of_terms), self._sizes())
 
     def _features(self, X: pd.DataFrame) -> FloatArray:
-        blocks = []
+        ends = np.cumsum(self._sizes())
+        features = np.empty((len(X), ends[-1]))
         smooth = dict.fromkeys(c for term in self.terms if term.kind == "smooth" for c in term.columns)
         columns = float_columns(X)
         # the first value if all are equal, such as a temperature at departure in the rows of a trip
         held = {n: c[:1] if (c == c[:1]).all() else c for n in smooth for c in [self._held(columns, n)]}
-        for i, term in enumerate(self.terms):
+        for i, (term, end) in enumerate(zip(self.terms, ends, strict=True)):
             if term.kind == "line":
-                name = term.columns[0]
-                block = self._fill_missing(columns[name], name)[:, None]
+                block = self._fill_missing(columns[term.columns[0]], term.columns[0])[:, None]
             else:
                 block = _squared_exponential(self._standard(held, term), self.points_[i]) @ self.whiteners_[i]
-            blocks.append(np.repeat(block, len(X) // max(len(block), 1), axis=0))
-        return np.concatenate(blocks, axis=1)
+            features[:, end - block.shape[1] : end] = block
+        return features
 
     def _fit_totals(self, totals: FloatArray, target: FloatArray, effects: FloatArray) -> None:
         """Fit the variances, then the posterior of the features' weights; outlying clusters count less."""
