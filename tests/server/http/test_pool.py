@@ -25,13 +25,13 @@ Step = tuple[Any, ...] | float | Exception | None
 
 
 class Worker:
-    """A worker that follows its steps; it is its own process, which has a number, and the end of its socket."""
+    """A worker that follows its steps; it is its own process, which has a number."""
 
     def __init__(self, pid: int, steps: list[Step]) -> None:
-        self.pid, self.steps, self.process, self.writer = pid, steps, self, self
+        self.pid, self.steps, self.process = pid, steps, self
         self.asked: list[tuple[Any, ...]] = []
         self.running: asyncio.Future[Any] | None = None
-        self.broken = self.stopped = self.closed = False
+        self.broken = self.stopped = False
         self.killed_s: float | None = None
 
     async def call(self, work: Callable[..., Any], *args: Any) -> Any:
@@ -63,9 +63,6 @@ class Worker:
     def join(self) -> None:
         self.stopped = True
 
-    def close(self) -> None:
-        self.closed = True
-
 
 class Workers:
     """Starts such workers in place of the real ones, each with the next steps."""
@@ -73,9 +70,11 @@ class Workers:
     def __init__(self, patch: pytest.MonkeyPatch, *steps: list[Step] | Exception) -> None:
         self.steps = list(steps)
         self.made: list[Worker] = []
+        self.numbers: list[int] = []
         patch.setattr(room.Worker, "start", self.start)
 
-    async def start(self, *args: Any) -> Worker:
+    async def start(self, number: int, *args: Any) -> Worker:
+        self.numbers.append(number)
         steps = self.steps.pop(0) if self.steps else []
         if isinstance(steps, Exception):
             raise steps
@@ -222,10 +221,11 @@ def test_an_idle_worker_that_ended_is_replaced_within_a_second(monkeypatch: pyte
     workers = Workers(monkeypatch)
 
     async def run() -> None:
-        async with running() as pool:
+        async with running(2) as pool:
             workers.made[0].end()
             await asyncio.sleep(1.1)
-            assert (pool.lost, pool.ready, len(workers.made)) == (1, 1, 2)
+            assert (pool.lost, pool.ready, len(workers.made)) == (1, 2, 3)
+            assert workers.numbers == [0, 1, 0], "the new worker has the cores of the one that ended"
 
     run_jumping(run())
 

@@ -72,7 +72,7 @@ def test_a_process_is_prepared_once_and_runs_jobs() -> None:
     """In a process of its own: its memory is bounded, its signals are ignored, and a call after its end is no result."""
 
     async def run() -> None:
-        process = await Worker.start({}, Limits(), AtlasSettings(), None)
+        process = await Worker.start(1, 2, {}, Limits(), AtlasSettings(), None)
         status, content, seconds = await process.call(worker.run_in_worker, {"kind": "forecast"}, b"{")
         assert (status, orjson.loads(content)["type"]) == (400, "/problems/not-json")
         assert 0.0 <= seconds < 120.0
@@ -84,6 +84,8 @@ def test_a_process_is_prepared_once_and_runs_jobs() -> None:
 
             bound = (await process.call(resource.getrlimit, resource.RLIMIT_DATA))[0]
             assert Limits().memory_bytes < bound < Limits().memory_bytes + 4e9
+            cores = sorted(os.sched_getaffinity(0))
+            assert await process.call(os.sched_getaffinity, 0) == {*(cores[1::2] or cores)}
         for _ in range(2):
             with pytest.raises((EOFError, OSError)):
                 await process.call(os._exit, 3)
@@ -95,7 +97,7 @@ def test_a_process_is_prepared_once_and_runs_jobs() -> None:
 
 def test_a_process_ends_when_its_socket_is_closed() -> None:
     async def run() -> None:
-        process = await Worker.start({}, Limits(), AtlasSettings(), None)
+        process = await Worker.start(1, 2, {}, Limits(), AtlasSettings(), None)
         await process.call(os.getpid)
         process.writer.close()
         await asyncio.to_thread(process.process.join, 60.0)

@@ -78,7 +78,7 @@ class Worker(NamedTuple):
 
     @classmethod
     async def start(cls, *needed: Any) -> Worker:
-        """Start a process with the arguments of `worker.prepare`."""
+        """Start a process with the arguments of `worker.answer_calls` after the socket."""
         ours, theirs = socket.socketpair()
         process = multiprocessing.get_context("spawn").Process(target=answer_calls, args=(theirs, *needed))
         with theirs:
@@ -117,7 +117,7 @@ class WorkerPool:
         self._idle: asyncio.Queue[Worker] = asyncio.Queue()
         # only the first job of each client waits for a worker itself, so that clients take turns
         self._lines: WeakValueDictionary[str, asyncio.Lock] = WeakValueDictionary()
-        self._workers: set[Worker] = set()
+        self._workers: dict[Worker, int] = {}
         self._tasks: set[asyncio.Task[Any]] = set()
 
     @property
@@ -133,7 +133,7 @@ class WorkerPool:
         OSError, EOFError
             When a process does not start, or ends before it is ready.
         """
-        await asyncio.gather(*(self._start_worker() for _ in range(self.settings.workers)))
+        await asyncio.gather(*map(self._start_worker, range(self.settings.workers)))
         self._keep_task(self._check_idle())
 
     async def stop(self) -> None:
@@ -186,11 +186,9 @@ class WorkerPool:
         try:
             result = await worker.call(work, *args)
         except (OSError, EOFError):
-            self._workers.discard(worker)
-            worker.writer.close()
             self.lost += 1
             self.log(event="worker lost", pid=worker.process.pid)
-            self._keep_task(self._replace())
+            self._keep_task(self._replace(self._workers.pop(worker)))
             return None
         finally:
             timer.cancel()
@@ -211,17 +209,18 @@ class WorkerPool:
         task.add_done_callback(self._tasks.discard)
         return task
 
-    async def _start_worker(self) -> None:
+    async def _start_worker(self, number: int) -> None:
         settings = self.settings
-        worker = await Worker.start(dict(settings.models), settings.limits, settings.atlas, settings.cars)
+        needed = dict(settings.models), settings.limits, settings.atlas, settings.cars
+        worker = await Worker.start(number, settings.workers, *needed)
         await worker.call(os.getpid)
-        self._workers.add(worker)
+        self._workers[worker] = number
         self._idle.put_nowait(worker)
 
-    async def _replace(self) -> None:
+    async def _replace(self, number: int) -> None:
         while True:
             try:
-                await self._start_worker()
+                await self._start_worker(number)
             except (OSError, EOFError) as error:
                 self.log(event="worker did not start", error=repr(error))
                 await asyncio.sleep(5.0)  # so that a lasting cause does not fill the log

@@ -40,16 +40,23 @@ PREPARED: Final[list[Jobs]] = []
 """The jobs of this process, once it is prepared."""
 
 
-def answer_calls(calls: socket.socket, *needed: Any) -> None:
+def answer_calls(calls: socket.socket, number: int, workers: int, *needed: Any) -> None:
     """Prepare this process, and run the calls that arrive, one after the other, until the service closes the socket.
+
+    On Linux the workers share out the processor cores: a busy system wakes a process on the core of the one that sent it
+    something, so that all workers would wait for one core.
 
     Parameters
     ----------
     calls : socket
         Pickled functions with their arguments arrive; results are sent, each after a line with its length.
+    number, workers : int
+        Number of this worker, from 0, and of all workers.
     *needed : object
         Arguments of `prepare`.
     """
+    if sys.platform == "linux":
+        os.sched_setaffinity(0, sorted(os.sched_getaffinity(0))[number::workers] or os.sched_getaffinity(0))
     prepare(*needed)
     with contextlib.suppress(OSError, EOFError), calls.makefile("rwb") as stream:
         while True:
@@ -83,8 +90,7 @@ def prepare(models: Mapping[str, Path], limits: Limits, atlas: AtlasSettings, ca
 
 def _end_with_service() -> None:
     """End this process when the service that started it ends, even if the service is killed."""
-    service = multiprocessing.parent_process()
-    if service is not None:
+    if (service := multiprocessing.parent_process()) is not None:
         service.join()
         os._exit(1)
 
