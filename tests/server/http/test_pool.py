@@ -217,6 +217,18 @@ def test_a_job_loses_at_most_three_workers(
     run_jumping(run())
 
 
+def test_the_worker_that_was_busy_last_takes_the_next_job(monkeypatch: pytest.MonkeyPatch) -> None:
+    workers = Workers(monkeypatch)
+
+    async def run() -> None:
+        async with running(2) as pool:
+            for _ in range(5):
+                await pool.run(JOB, b"")
+
+    run_jumping(run())
+    assert sorted(len(worker.asked) for worker in workers.made) == [0, 5]
+
+
 def test_an_idle_worker_that_ended_is_replaced_within_a_second(monkeypatch: pytest.MonkeyPatch) -> None:
     workers = Workers(monkeypatch)
 

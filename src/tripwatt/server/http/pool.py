@@ -114,7 +114,8 @@ class WorkerPool:
         self.log = log
         self.places = Places(settings.limits.waiting, "too many requests wait", {"Retry-After": "1"})
         self.lost = 0
-        self._idle: asyncio.Queue[Worker] = asyncio.Queue()
+        # the worker that was busy last has its code and its models in the caches of its core
+        self._idle: asyncio.LifoQueue[Worker] = asyncio.LifoQueue()
         # only the first job of each client waits for a worker itself, so that clients take turns
         self._lines: WeakValueDictionary[str, asyncio.Lock] = WeakValueDictionary()
         self._workers: dict[Worker, int] = {}
