@@ -422,8 +422,7 @@ def _rows(store: Store, work: Path, on: Workers) -> TripRows:
 
     source = store.opened()
     with progress(console()) as advance, on.running() as workers:
-        listed = usable_trips(source)
-        return store_rows(source, listed, work, workers, progress=advance)[0]
+        return store_rows(source, usable_trips(source), work, workers, progress=advance)[0]
 
 
 def evaluate(

@@ -224,8 +224,7 @@ def mcp(
         check(make_cars_folder, cars)
         opened = check(open_atlas, atlas) if atlas.map else None
     service = jobs.Jobs.from_folders(folders, settings.Limits(), opened, cars)
-    remote = any("://" in named for named in asdict(atlas).values())
-    Assistant(service, changes=changes, remote=remote).run()
+    Assistant(service, changes=changes, remote=any("://" in named for named in asdict(atlas).values())).run()
 
 
 def demo(

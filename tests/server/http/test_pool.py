@@ -25,14 +25,17 @@ Step = tuple[Any, ...] | float | Exception | None
 
 
 class Worker:
-    """A worker that follows its steps; it is its own process, which has a number."""
+    """A worker that follows its steps; it is its own process, which has a number, and its own socket."""
 
     def __init__(self, pid: int, steps: list[Step]) -> None:
-        self.pid, self.steps, self.process = pid, steps, self
+        self.pid, self.steps, self.process, self.writer = pid, steps, self, self
         self.asked: list[tuple[Any, ...]] = []
         self.running: asyncio.Future[Any] | None = None
-        self.broken = self.stopped = False
+        self.broken = self.stopped = self.closed = False
         self.killed_s: float | None = None
+
+    def close(self) -> None:
+        self.closed = True
 
     async def call(self, work: Callable[..., Any], *args: Any) -> Any:
         if self.broken:
@@ -237,6 +240,7 @@ def test_an_idle_worker_that_ended_is_replaced_within_a_second(monkeypatch: pyte
             workers.made[0].end()
             await asyncio.sleep(1.1)
             assert (pool.lost, pool.ready, len(workers.made)) == (1, 2, 3)
+            assert [worker.closed for worker in workers.made] == [True, False, False]
             assert workers.numbers == [0, 1, 0], "the new worker has the cores of the one that ended"
 
     run_jumping(run())

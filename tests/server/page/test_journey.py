@@ -470,7 +470,10 @@ def test_who_charges_at_the_start_drives_nowhere_first_and_a_doubtful_charge_is_
     first, occupied, *_ = told
     charge = "Charge here, at “Halbweg”, for 12 min with about 25 kW, from 13 % to 45 %."
     assert first == charge
-    assert occupied == "If it is occupied when you are there, wait: no other station near your route is in reach."
+    assert (
+        occupied
+        == "If it is occupied when you are there, wait: no other station near your route is in reach."
+    )
     title = "You will arrive, but perhaps below your reserve at Halbweg"
     assert page.locator("#verdict-title").inner_text() == title
     figure = " ".join(page.locator(".verdict .arrival").inner_text().split())
@@ -493,7 +496,9 @@ def test_who_charges_at_the_start_drives_nowhere_first_and_a_doubtful_charge_is_
     from_there = "to reach the first stop, and to have 10\u00a0% or more from there on"
     assert from_there in page.locator(".verdict .chance").inner_text()
     below, at_all = False, 0.9
-    with page.expect_request(lambda sent: '"climate":"off"' in (sent.post_data or "") and "links" in sent.post_data) as asked:
+    with page.expect_request(
+        lambda sent: '"climate":"off"' in (sent.post_data or "") and "links" in sent.post_data
+    ) as asked:
         whole_answer(page, lambda: page.get_by_role("slider", name="Battery at departure").fill("6"))
         page.locator(".todo:not(.old) li", has_text="At most 60\u00a0km/h, with heating and").wait_for()
     sent = asked.value.post_data_json  # the way to the station
@@ -570,7 +575,9 @@ def test_the_figures_of_a_way_back_are_those_of_its_end(page: Any, expected: lis
     page.keyboard.press("Enter")
     page.locator(".todo:not(.old) li", has_text="Pause of").wait_for()
 
-    page.get_by_role("heading", name=re.compile("^If you can charge to 99.% before you leave \\([0-9.]+.kWh more\\)$")).wait_for()
+    page.get_by_role(
+        "heading", name=re.compile("^If you can charge to 99.% before you leave \\([0-9.]+.kWh more\\)$")
+    ).wait_for()
     better, now, *told = [
         words.replace("\u00a0", " ") for words in page.locator(".todo :is(p, li)").all_inner_texts()
     ]

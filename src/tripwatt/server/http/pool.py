@@ -187,6 +187,7 @@ class WorkerPool:
         try:
             result = await worker.call(work, *args)
         except (OSError, EOFError):
+            worker.writer.close()
             self.lost += 1
             self.log(event="worker lost", pid=worker.process.pid)
             self._keep_task(self._replace(self._workers.pop(worker)))
