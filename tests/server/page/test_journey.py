@@ -470,10 +470,7 @@ def test_who_charges_at_the_start_drives_nowhere_first_and_a_doubtful_charge_is_
     first, occupied, *_ = told
     charge = "Charge here, at “Halbweg”, for 12 min with about 25 kW, from 13 % to 45 %."
     assert first == charge
-    assert (
-        occupied
-        == "If it is occupied when you are there, wait: no other station near your route is in reach."
-    )
+    assert occupied == "If it is occupied, wait: no other station near your route is in reach."
     title = "You will arrive, but perhaps below your reserve at Halbweg"
     assert page.locator("#verdict-title").inner_text() == title
     figure = " ".join(page.locator(".verdict .arrival").inner_text().split())

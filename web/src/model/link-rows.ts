@@ -42,12 +42,8 @@ export const SAMPLE_START_M = 510;
 /** This route as an example: a town, country roads, a motorway over a hill, and a town. */
 export const SAMPLE_ROWS: LinkRow[] = [
   { lengthM: 1800, speedMS: 8.5, heightM: 515 },
-  { lengthM: 2400, speedMS: 12, heightM: 528 },
-  { lengthM: 6200, speedMS: 22, heightM: 560 },
-  { lengthM: 14000, speedMS: 33.3, heightM: 655 },
-  { lengthM: 9000, speedMS: 33.3, heightM: 780 },
-  { lengthM: 12500, speedMS: 33.3, heightM: 610 },
-  { lengthM: 11000, speedMS: 30.5, heightM: 540 },
-  { lengthM: 5200, speedMS: 19.5, heightM: 498 },
-  { lengthM: 2600, speedMS: 9.5, heightM: 490 },
+  { lengthM: 8600, speedMS: 19, heightM: 560 },
+  { lengthM: 23000, speedMS: 33.3, heightM: 780 },
+  { lengthM: 23500, speedMS: 32.2, heightM: 540 },
+  { lengthM: 7800, speedMS: 15, heightM: 490 },
 ];

@@ -127,11 +127,10 @@ const de: Text = {
       `Mit ${soc} losfahren: Ankunft mit etwa ${expected}, bei 19 von 20 Fahrten mindestens ${reserve}.`,
     justEnough: (soc, spares) =>
       `${soc} reichen${spares ? ", viel Spielraum bleibt nicht" : ". Mit weniger müssen Sie unterwegs laden"}.`,
-    leaveWithStops: (soc) =>
-      `Wenn Sie hier laden können: auf ${soc} oder mehr. Dann kommen Sie mit Laden unterwegs und mit Ihrer Reserve an.`,
+    leaveWithStops: (soc, more, isOr) =>
+      `${isOr ? "Oder, wenn" : "Wenn"} Sie hier auf ${soc} oder mehr laden können (${more} mehr), kommen Sie mit einem Ladestopp und Ihrer Reserve an.`,
     leaveWithout: (soc) => `Um ohne Ladestopp zu fahren: mit mindestens ${soc} losfahren.`,
-    chargedFirst: (soc, more, isOr) =>
-      `${isOr ? "Oder, wenn" : "Wenn"} Sie vor der Abfahrt auf ${soc} laden können (${more} mehr)`,
+    chargedFirst: (soc, more) => `Oder, wenn Sie vor der Abfahrt auf ${soc} laden können (${more} mehr)`,
     otherwise: "Sonst",
     withoutStop: (time) =>
       `Ohne Ladestopp fahren: ${time}${time && " weniger unterwegs, und "}die Reserve bei 19 von 20 Fahrten.`,
@@ -182,7 +181,7 @@ const de: Text = {
     arriveThere: (range) => `Ankunft dort mit ${range}`,
     reached: (chance) => `mit der Reserve bei ${chance}`,
     reachedAtAll: (chance, range) => `Sie kommen dort bei ${chance} an${range && `, mit ${range}`}.`,
-    orCall: "Ist Ihnen das zu unsicher, rufen Sie vor der Abfahrt den Pannendienst.",
+    orCall: "Ist Ihnen das zu unsicher, rufen Sie zuerst den Pannendienst.",
     gently: (speed, chance, range) =>
       `Mit höchstens ${speed} und ohne Heizung und Klimaanlage kommen Sie dort bei ${chance} an${range && `, mit ${range}`}.`,
     preheat: "Batterie auf dem Weg dorthin vorwärmen",
@@ -192,8 +191,8 @@ const de: Text = {
     ifFull: (station, arrival, more, chance) =>
       `Falls besetzt: ${station}, erreicht mit ${arrival} (${chance})${more && `, ${more}`}.`,
     nextOther: (station, far) =>
-      `Ist sie bei Ankunft besetzt: Die nächste andere für dieses Auto ist „${station}“, ${far} auf der Straße.`,
-    noOther: "Ist sie bei Ankunft besetzt, warten Sie: Keine andere nahe Ihrer Route ist in Reichweite.",
+      `Falls besetzt: Die nächste andere für dieses Auto ist „${station}“, ${far} auf der Straße.`,
+    noOther: "Falls besetzt, warten Sie: Keine andere nahe Ihrer Route ist in Reichweite.",
     laterInPause: "Ist sie besetzt, versuchen Sie es später in der Pause.",
     longer: (time) => `${time} länger`,
     more: (figure) => `${figure} mehr`,

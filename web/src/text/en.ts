@@ -121,11 +121,11 @@ export const en = {
       `Leave with ${soc}: about ${expected} on arrival, at least ${reserve} in 19 of 20 trips.`,
     justEnough: (soc: string, spares: boolean) =>
       `${soc} is enough${spares ? ", with little to spare" : ". With less you have to charge on the way"}.`,
-    leaveWithStops: (soc: string) =>
-      `If you can charge here: to ${soc} or more. Then you arrive with your reserve, charging on the way.`,
+    leaveWithStops: (soc: string, more: string, isOr: boolean) =>
+      `${isOr ? "Or, if" : "If"} you can charge here to ${soc} or more (${more} more), you arrive with your reserve, with a stop on the way.`,
     leaveWithout: (soc: string) => `To drive without a stop: leave with ${soc} or more.`,
-    chargedFirst: (soc: string, more: string, isOr: boolean) =>
-      `${isOr ? "Or, if" : "If"} you can charge to ${soc} before you leave (${more} more)`,
+    chargedFirst: (soc: string, more: string) =>
+      `Or, if you can charge to ${soc} before you leave (${more} more)`,
     otherwise: "Otherwise",
     withoutStop: (time: string) =>
       `Drive without a charging stop: ${time}${time && " less on the way, and "}the reserve in 19 of 20 trips.`,
@@ -180,7 +180,7 @@ export const en = {
     reached: (chance: string) => `with the reserve in ${chance}`,
     reachedAtAll: (chance: string, range: string) =>
       `You get there in ${chance}${range && `, with ${range}`}.`,
-    orCall: "If that is too uncertain, call roadside assistance before you leave.",
+    orCall: "If that is too uncertain, call roadside assistance first.",
     gently: (speed: string, chance: string, range: string) =>
       `At most ${speed}, with heating and air conditioning off, you get there in ${chance}${range && `, with ${range}`}.`,
     preheat: "warm up the battery on the way there",
@@ -190,8 +190,8 @@ export const en = {
     ifFull: (station: string, arrival: string, more: string, chance: string) =>
       `If it is occupied: ${station}, reached with ${arrival} (${chance})${more && `, ${more}`}.`,
     nextOther: (station: string, far: string) =>
-      `If it is occupied when you are there: the nearest other station for this car is “${station}”, ${far} by road.`,
-    noOther: "If it is occupied when you are there, wait: no other station near your route is in reach.",
+      `If it is occupied: the nearest other station for this car is “${station}”, ${far} by road.`,
+    noOther: "If it is occupied, wait: no other station near your route is in reach.",
     laterInPause: "If it is occupied, try again later in the pause.",
     longer: (time: string) => `${time} longer`,
     more: (figure: string) => `${figure} more`,

@@ -110,9 +110,8 @@ export function occupiedText({ if_full: full, pause_s }: Stop): string {
 function StopRow({ of, isTold }: { of: Stop; isTold: boolean }) {
   const { journey: words } = text.value;
   const { shown } = format.value;
-  const time = chargingText(of, true);
-  const [low, high] = of.soc_interval;
   const [at, day] = clockAfter(of.arrives_after_s);
+  const time = chargingText(of, true);
   return (
     <li>
       <h4>
@@ -130,8 +129,8 @@ function StopRow({ of, isTold }: { of: Stop; isTold: boolean }) {
             : !isTold &&
               ` · ${words.arriveThere(rangeWithUnit(of.soc_interval, PERCENT))} · ${words.reached(chanceInFigures(of.p_reach))}`}
           {of.preheat && ` · ${words.preheat}`}
-          {of.needed_below > low &&
-            of.needed_below <= high &&
+          {of.needed_below > of.soc_arrival &&
+            of.needed_below <= (of.soc_interval[1] ?? 1) &&
             ` · ${words.neededBelow(upwards(of.needed_below))}`}
         </span>
       </p>

@@ -19,11 +19,10 @@ import { DistanceForm } from "./distance-form";
 import { FaultList } from "./faults";
 import { FileDrop } from "./file-drop";
 import { isFormOpen, JourneyForm } from "./journey-form";
-import { LinksForm } from "./links-form";
 import { NumberField } from "./number-field";
 import { tripTitle } from "./wording";
 import { Said } from "./said";
-import { Button, into, Row } from "./parts";
+import { Button, into, Row, useAsked } from "./parts";
 
 const MAX_BYTES = 4_000_000;
 const START_M_S = 50 / 3.6;
@@ -136,6 +135,8 @@ export function TripPanel() {
     before.current = now?.source;
   }, [now?.source, places ?? now?.title]);
   const wrong = faults.value.get("trip") ?? [];
+  const isLinks = source.value === "links";
+  const links = useAsked(async () => (isLinks ? import("./links-form") : null), [isLinks]);
   const { trip: words } = text.value;
   return (
     <section class={`panel trip${open ? " open" : ""}`} aria-labelledby="trip-title">
@@ -165,7 +166,7 @@ export function TripPanel() {
         {source.value === "examples" && <Examples />}
         {source.value === "upload" && <Upload />}
         {source.value === "distance" && <DistanceForm />}
-        {source.value === "links" && <LinksForm />}
+        {isLinks && links && <links.LinksForm />}
       </div>
       <FaultList faults={wrong} />
       {wrong.length > 0 && source.value === "journey" && (

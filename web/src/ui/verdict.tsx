@@ -217,7 +217,8 @@ function Headline({ of, now }: { of: Forecast; now: Answer }) {
   const aside = stop && `${onArrival}: ${shown(now.soc, PERCENT)} (${rangeWithUnit(now.interval, PERCENT)})`;
   const label = stop ? result.atStop(stationName(stop.station)) : onArrival;
   const interval = bandText(stop?.soc_interval ?? now.interval);
-  const detail = measured ? result.measured : interval && result.inTrips(interval);
+  const [low = 0] = stop?.soc_interval ?? now.interval;
+  const detail = measured ? result.measured : low < SHOWN_SOC ? interval : result.inTrips(interval);
   const chance = !measured && (
     <Chance
       verdict={shownVerdict(now)}
@@ -314,6 +315,11 @@ async function wayTo(to: Place, at = conditions.value, from = trip.value?.stops?
   return (await askJourney(body, false).catch(() => null))?.roads[0];
 }
 
+/** How likely the end of a way is reached, and with what charge. */
+function reachOf(way: Forecast) {
+  return [chanceInFigures(chanceAtAll(way)), bandText(arrivalBand(way))] as const;
+}
+
 /** How likely a driver gets to a station slowly, without heating and air conditioning; nothing where hardly anybody does. */
 function Gently({ to, as: Tag }: { to: Station; as: "li" | typeof Fragment }) {
   const at: Conditions = { ...conditions.value, climate: "off" };
@@ -326,8 +332,7 @@ function Gently({ to, as: Tag }: { to: Station; as: "li" | typeof Fragment }) {
   const then = useAsked(ask, [JSON.stringify([to, at, car.value, trip.value?.stops?.[0]])]);
   if (!then || chanceAtAll(then) < OPEN[0]) return null;
   const speed = format.value.shown(GENTLE_M_S, units.value.speed, 0);
-  const reached = [chanceInFigures(chanceAtAll(then)), bandText(arrivalBand(then))] as const;
-  return <Tag>{text.value.journey.gently(speed, ...reached)}</Tag>;
+  return <Tag>{text.value.journey.gently(speed, ...reachOf(then))}</Tag>;
 }
 
 /** What to do if a station is occupied; without another one in the plan, the nearest for who arrives with little. */
@@ -335,13 +340,15 @@ function Occupied({ of }: { of: Stop }) {
   const here = { ...placeOfStation(of.station, ""), kind: "" };
   const at = { ...conditions.value, soc: of.soc_interval[0] ?? 0 };
   const roadTo = async (to: Place) => (isSame(to, here) ? undefined : wayTo(to, at, here));
-  const ask = async () => (of.if_full || of.pause_s > 0 ? null : nearestStation(here, roadTo));
-  const nearest = useAsked(ask, [JSON.stringify([here, at, car.value])]);
-  const { forecast, distance_m = 0 } = nearest?.way ?? {};
-  if (!nearest || !forecast || chanceAtAll(forecast) < PROBABLE) return <li>{occupiedText(of)}</li>;
+  const isPlanned = of.if_full !== null || of.pause_s > 0;
+  const ask = async () => [isPlanned ? null : await nearestStation(here, roadTo).catch(() => null)] as const;
+  const found = useAsked(ask, [JSON.stringify([here, at, car.value, isPlanned])]);
+  if (!found) return null; // nobody waits for want of a station that is still looked for
+  const { of: other, way } = found[0] ?? {};
+  if (!other || !way || chanceAtAll(way.forecast) < PROBABLE) return <li>{occupiedText(of)}</li>;
   const { nextOther, reachedAtAll } = text.value.journey;
-  const reached = reachedAtAll(chanceInFigures(chanceAtAll(forecast)), bandText(arrivalBand(forecast)));
-  return <li>{`${nextOther(stationName(nearest.of), farText(distance_m))} ${reached}`}</li>;
+  const there = nextOther(stationName(other), farText(way.distance_m));
+  return <li>{`${there} ${reachedAtAll(...reachOf(way.forecast))}`}</li>;
 }
 
 /** What has to be known of the first stop, each as an item of the list. */
@@ -390,9 +397,7 @@ function NoStop({ of, from }: { of: Trip; from: Place }) {
   const isHere = nearest !== null && nearest.farM < HEREABOUTS_M;
   const way = isHere ? undefined : nearest?.way;
   const { journey: words } = text.value;
-  const reached =
-    way &&
-    words.reachedAtAll(chanceInFigures(chanceAtAll(way.forecast)), bandText(arrivalBand(way.forecast)));
+  const reached = way && words.reachedAtAll(...reachOf(way.forecast));
   return (
     <>
       {noHelpText(of)}{" "}
@@ -428,9 +433,8 @@ function ChargedFirst({ of, plan, needed }: { of: Trip; plan: ChargingPlan; need
   const chances = [kept, forecast ? chanceAtAll(forecast) : 0].map(chanceInFigures) as [string, string];
   return (
     <>
-      <h3>{words.chargedFirst(upwards(least), shown(moreWh, ENERGY, 1), !forecast)}</h3>
+      <h3>{words.chargedFirst(upwards(least), shown(moreWh, ENERGY, 1))}</h3>
       <p>{words[forecast ? "onlyInPause" : "withoutStop"](pausing === 0 ? "" : duration(lessS))}</p>
-      {forecast && <h3>{words.otherwise}</h3>}
       {forecast && (
         <p>{words.notNow(shown(soc, PERCENT), shown(forecast.soc_arrival, PERCENT), ...chances)}</p>
       )}
@@ -461,20 +465,20 @@ function ToDo({ of }: { of: Forecast }) {
       !!speed &&
       words.atMost(format.value.shown(speed, units.value.speed, 0)),
   ];
-  const isFirst = (plan?.stops.findIndex(({ pause_s }) => pause_s > 0) ?? 0) > 0;
-  const charged = plan && trip.value && !isLow.value && (
-    <ChargedFirst of={trip.value} plan={plan} needed={needed} />
-  );
+  const moreWh = (withStops - (of.series.displayed_soc[0] as number)) * of.wh_per_display;
+  const more = format.value.shown(moreWh, ENERGY, 1);
+  const isLast = (plan?.p_arrive ?? 0) >= OPEN[1]; // who gets there anyway
+  const helps = stopsHelp && <p>{words.leaveWithStops(upwards(withStops), more, isLast)}</p>;
   return (
     <div class={`journey-answer todo${isOld ? " old" : ""}`} aria-busy={isOld}>
-      {isFirst && charged}
-      {stopsHelp && <p>{words.leaveWithStops(upwards(withStops))}</p>}
-      {stopsHelp && <h3>{words.otherwise}</h3>}
+      {!isLast && helps}
+      {helps && !isLast && <h3>{words.otherwise}</h3>}
       <ul>
         {(plan || emptyAfterM(of) === null) && <Halts plan={plan} />}
         {texts.map((one, k) => one && <li key={k}>{one}</li>)}
       </ul>
-      {!isFirst && charged}
+      {isLast && helps}
+      {plan && trip.value && !isLow.value && <ChargedFirst of={trip.value} plan={plan} needed={needed} />}
     </div>
   );
 }
