@@ -199,8 +199,10 @@ def _scores(
     known = {}
     for name in (DRIVEN, PLANNED, ELSEWHERE):
         bounds = np.array([[each[name].interval(level) for level in LEVELS] for each in made])
+        energy = table[name].to_numpy(np.float64)
         known[name] = {
-            **summarise_errors(observed, table[name].to_numpy(np.float64), seed),
+            "error": float(np.abs(energy - observed).sum() / observed.sum()),
+            **summarise_errors(observed, energy, seed),
             **coverage_by_level(observed, bounds[:, :, 0], bounds[:, :, 1]),
             "arrival": [_arrived(observed, [each[name].quantile(p) for each in made], p) for p in CHANCES],
         }

@@ -25,13 +25,9 @@ Record = Mapping[str, Any]
 
 PAGE: Final = "explanation/accuracy.md"
 FIGURE: Final = DOCS / "images" / "accuracy.png"
-COUNTS: Final = (0, 5, 10)
-"""Numbers of own trips that are shown."""
-OWN: Final = 10
-"""Own trips of the line of the README."""
-LEARNED: Final = 5
-"""Trips after which the intervals of a car's own model are counted."""
-MARKERS: Final = {0: ("o", "none"), 5: ("D", "#d55e00"), 10: ("s", "#0f8797")}
+BUILT_ON: Final = "tum"
+"""The set whose logs the physics was built on: no unseen car."""
+WITHOUT: Final = ("o", "none")
 IN_TIME: Final = ("v", "#0f8797")
 PLANNED_ROAD: Final = ("^", "#7d6bc6")
 RULE: Final = "#d0d7de"
@@ -57,14 +53,16 @@ def published(name: str) -> Any:
     return json.loads((DOCS / "results" / f"{name}.json").read_text("utf-8"))
 
 
-def error_at(car: Record, own_trips: int) -> float | None:
-    """Error of a car at a number of own trips; None where it has too few."""
-    return next((row["error"] for row in car["curves"]["population"] if row["k"] == own_trips), None)
+def without_trips(car: Record) -> Record:
+    """Scores of all trips of a car, forecast without any trip of it."""
+    scores: Record = car["without_trips"]
+    return scores
 
 
 def learned(car: Record) -> Record:
-    """Scores in order of time after the first trips; those of all trips where there are no more."""
-    return next((s for s in car["in_time"] if s["from"] == LEARNED), car["in_time"][0])
+    """Scores of the same trips, each forecast from all earlier ones of the car."""
+    scores: Record = car["in_time"][0]
+    return scores
 
 
 def _pooled(scores: Sequence[Record]) -> float:
@@ -73,29 +71,22 @@ def _pooled(scores: Sequence[Record]) -> float:
 
 
 def line(cars: Record, before: Record) -> str:
-    """The line of the README."""
-    unseen, own = (
-        [error for car in cars["cars"] if (error := error_at(car, k)) is not None] for k in (0, OWN)
-    )
-    inside = [
-        _pooled([car["without_trips"] for car in cars["cars"]]),
-        _pooled([s for car in cars["cars"] if (s := learned(car))["from"] == LEARNED]),
-    ]
+    """The line of the README: the same trips of the same cars without and with own trips, and one kind of error throughout."""
+    unseen = [car for car in cars["cars"] if car["car"] != BUILT_ON]
+    (first,) = (car for car in cars["cars"] if car["car"] == BUILT_ON)
+    both = [[of(car) for car in unseen] for of in (without_trips, learned)]
+    errors = [[score["error"] for score in scores] for scores in both]
+    means = [f"{number(np.mean(each), 100, 1)} %" for each in errors]
+    by_car = " and ".join(span([min(each), max(each)]) for each in errors)
+    held = " and ".join(number(_pooled(scores), 100, 0) for scores in both)
+    of_first = " and ".join(number(of(first)["error"], 100, 1) for of in (without_trips, learned))
     twizy = before["cars"][0]
-    planned = {"trips": twizy["trips"], "error": twizy["known"][ELSEWHERE]["mape"]}
-
-    def mean(errors: Sequence[float]) -> str:
-        return f"{number(np.mean(errors), 100, 1)} %"
-
-    def by_car(errors: Sequence[float]) -> str:
-        return f"{span([min(errors), max(errors)])} %"
-
-    held = " and ".join(number(share, 100, 0) for share in inside)
+    planned = number(twizy["known"][ELSEWHERE]["error"], 100, 1)
     return (
-        f"**Unseen cars: {mean(unseen)}, own car: {mean(own)}, 90 % intervals hold {held} %**: the mean error of the energy over {len(unseen)} "
-        f"cars without own trips (by car {by_car(unseen)}) and over {len(own)} with {OWN} ({by_car(own)}), and the trips inside, without own trips "
-        f"and from trip {LEARNED + 1} on, given the driven speed trace. On a planned road, {planned['trips']} trips with travel times of another "
-        f"car err by {mean([planned['error']])}."
+        f"**Unseen cars: {means[0]}, learning from their trips: {means[1]}, 90 % intervals hold {held} %**: the error over the energy, in the "
+        f"mean of {len(unseen)} cars (by car {by_car} %), and the trips inside. All {sum(car['trips'] for car in unseen)} trips are forecast, "
+        f"given the driven speed trace, from no trip of the car and from its earlier ones. The {first['vehicle_title']}, whose logs the physics "
+        f"was built on, is left out ({of_first} %). On a planned road with travel times of another car, {twizy['trips']} trips err by {planned} %."
     )
 
 
@@ -120,20 +111,20 @@ def checks_table(outside: Record) -> Table:
 
 def trips_table(cars: Record) -> Table:
     """Trips of each car, without and with own trips."""
-
-    def error(own_trips: int) -> Column:
-        head = f"{own_trips or 'No'} own trips: error [%]"
-        return in_percent(head, lambda car: error_at(car, own_trips))
-
     return make_table(
-        "Trips of cars that took no part, given the driven speed trace",
+        "All trips of each car, given the driven speed trace; none of its model and data set took part, but the physics was built on the BMW i3's",
         cars["cars"],
         Column("Car", lambda car: SETS[car["car"]]),
         Column("Trips", "trips", digits=0),
-        *map(error, COUNTS),
-        *_interval("no own trips", lambda car: car["without_trips"]),
-        *_interval("in order of time", learned),
+        *_scored("no own trips", without_trips),
+        *_scored("from earlier trips", learned),
     )
+
+
+def _scored(when: str, score: Callable[[Record], Record]) -> tuple[Column, ...]:
+    """Error and 90 % interval of a score of each car."""
+    error = in_percent(f"Error, {when} [%]", lambda car: score(car)["error"])
+    return error, *_interval(when, score)
 
 
 def _interval(when: str, score: Callable[[Record], Record]) -> tuple[Column, Column]:
@@ -189,9 +180,9 @@ def figure(outside: Record, cars: Record, planned: Sequence[Record]) -> Figure:
         error, inside, width = below.subplots(1, 3, sharey=True, width_ratios=(2, 1.6, 1.1))
         _draw_errors(error, cars["cars"], planned)
         _draw_intervals(inside, width, cars["cars"], planned)
-        handles = [_handle(f"{k or 'no'} own trips", *MARKERS[k]) for k in COUNTS]
-        handles += [
-            _handle(f"from trip {LEARNED + 1}, in order of time", *IN_TIME),
+        handles = [
+            _handle("no own trips", *WITHOUT),
+            _handle("each from the car's earlier trips", *IN_TIME),
             _handle("planned road, with 95 % intervals", *PLANNED_ROAD),
         ]
         below.legend(handles=handles, loc="outside lower left", ncols=3)
@@ -240,13 +231,11 @@ def _draw_checks(axes: Axes, checks: Sequence[Record]) -> None:
 
 
 def _draw_errors(axes: Axes, cars: Sequence[Record], planned: Sequence[Record]) -> None:
-    """The error of the trips of each car by own trips, and on planned roads with its interval."""
-    for k, offset in zip(COUNTS, (-0.27, 0.0, 0.27), strict=True):
-        marker, colour = MARKERS[k]
-        shown = [(e, i + offset) for i, car in enumerate(cars) if (e := error_at(car, k)) is not None]
-        x, y = zip(*shown, strict=True)
-        edge = INK if k == 0 else colour
-        axes.plot(x, y, marker, markerfacecolor=colour, markeredgecolor=edge, markersize=5)
+    """The error of the trips of each car without and with own trips, and on planned roads with its interval."""
+    for score, (marker, colour), offset in ((without_trips, WITHOUT, -0.2), (learned, IN_TIME, 0.2)):
+        errors, places = [score(car)["error"] for car in cars], offset + np.arange(len(cars))
+        edge = INK if colour == "none" else colour
+        axes.plot(errors, places, marker, markerfacecolor=colour, markeredgecolor=edge, markersize=5)
     for place, row in enumerate(planned, start=len(cars)):
         marker, colour = PLANNED_ROAD
         axes.plot(row["error_ci95"], [place] * 2, color=colour, linewidth=1.4)
@@ -266,7 +255,7 @@ def _draw_intervals(inside: Axes, width: Axes, cars: Sequence[Record], planned: 
         (place + offset, score, marker)
         for place, car in enumerate(cars)
         for offset, score, marker in (
-            (-0.2, car["without_trips"], MARKERS[0]),
+            (-0.2, without_trips(car), WITHOUT),
             (0.2, learned(car), IN_TIME),
         )
     ]

@@ -91,6 +91,8 @@ def test_the_parts_of_the_error_add_up(run) -> None:
     error = (run.trips[PLANNED] - run.trips["observed"]) / run.trips["observed"]
     assert whole["mean"] == pytest.approx(float(error.mean()))
     assert whole["size"] == pytest.approx(car["known"][PLANNED]["mape"])
+    missed = (run.trips[PLANNED] - run.trips["observed"]).abs().sum()
+    assert car["known"][PLANNED]["error"] == pytest.approx(missed / run.trips["observed"].sum())
     assert parts[-1]["size"] == pytest.approx(car["known"][DRIVEN]["mape"])
 
 
