@@ -42,6 +42,18 @@ def test_the_reserve_is_part_of_the_charge_and_few_notes_follow(run: Run) -> Non
     assert "Range from 80% down to 10%" in run("range", "--soc", 0.8, "--reserve", 0.1).out
 
 
+@pytest.mark.parametrize("soc", [0.05, 0.1])
+def test_a_charge_that_is_not_above_the_reserve_is_one_sentence(run: Run, soc: float) -> None:
+    asked = ("range", "--soc", soc, "--reserve", 0.1)
+    printed = run(*asked)
+    assert (printed.code, printed.err) == (0, "")
+    percent = f"{100 * soc:g}"
+    assert printed.out == f"No range is left: the charge of {percent} % is not above the reserve of 10 %.\n"
+    kinds = json.loads(run(*asked, "--json").out)["by_kind"]
+    assert {kind["range_m"] for kind in kinds} == {0.0}
+    assert "Range from 11% down to 10%" in run("range", "--soc", 0.11, "--reserve", 0.1).out
+
+
 def test_range_has_the_numbers_of_python(run: Run) -> None:
     printed = run("range", "--soc", 0.35, "--ambient", -5, "--reserve", 0.1, "--car", "vw_id3", "--json")
     same = range_km(0.35, departure=COLD, reserve=0.1, car="vw_id3")

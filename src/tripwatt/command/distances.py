@@ -12,7 +12,7 @@ from typing import Annotated, Any, Final
 import tripwatt as tw
 from tripwatt.command import shared
 from tripwatt.command.departing import Departing
-from tripwatt.command.options import Answer, argument, option
+from tripwatt.command.options import Answer, argument, option, require_effect
 from tripwatt.command.printing import kwh, print_few_notes, print_table, say
 from tripwatt.command.sentences import begins
 from tripwatt.errors import InvalidInput
@@ -34,8 +34,7 @@ class Drive:
         """Return the car as keyword arguments of `need` and `range_km`; for a user's own car also `plan`, which plans its trips."""
         if self.car is None or not Path(self.car).is_dir():
             return {"model": self.model, "car": self.car}
-        if self.model is not None:
-            raise InvalidInput.of("two models", "--car", "--model too", "one of them")
+        require_effect({"--model": self.model}, "only without the folder of a car")
         own = tw.open_car(self.car)
         return {"model": own.model(), "plan": own.usual_plan}
 
@@ -114,15 +113,15 @@ def range_(departure: Departing, drive: Drive) -> Answer:
 
 
 def _show_range(result: tw.Range) -> None:
-    rows = [
-        (
-            name,
-            f"{far.range_m / 1000.0:.0f} km",
-            f"{far.half_m[0] / 1000.0:.0f} to {far.half_m[1] / 1000.0:.0f} km",
-            f"{far.interval_m[0] / 1000.0:.0f} km",
-        )
-        for name, far in result.by_kind.items()
-    ]
+    if result.soc <= result.reserve:
+        charge, reserve = 100.0 * result.soc, 100.0 * result.reserve
+        say(f"No range is left: the charge of {charge:g} % is not above the reserve of {reserve:g} %.")
+        return
+    rows = []
+    for name, far in result.by_kind.items():
+        lengths_m = far.range_m, *far.half_m, far.interval_m[0]
+        likely, low, high, least = (f"{length / 1000.0:.0f}" for length in lengths_m)
+        rows.append((name, f"{likely} km", f"{low} to {high} km", f"{least} km"))
     title = f"Range from {result.soc:.0%} down to {result.reserve:.0%}"
     heads = ("kind of road", "likely", "middle half", "19 of 20 times at least")
     print_table(title, heads, rows, numbers=(heads[1], heads[3]))
