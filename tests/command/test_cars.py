@@ -31,13 +31,17 @@ def test_a_new_car_is_written_and_loads(run: Callable[..., Answer], tmp_path: Pa
     assert shown["anchor"] == "class"
     assert shown["wltp_kwh_per_100km"]["low"] < shown["wltp_kwh_per_100km"]["high"]
     assert run(*NEW).out.startswith('name = "hatchback')
+    assert run("vehicles", "new", "--body", "suv").out.startswith('name = "suv')
+    unsaid = run("vehicles", "new")
+    assert (unsaid.code, unsaid.out) == (2, "")
+    assert "nothing is said of the car: new: got no value; allowed: any of --mass, --battery" in unsaid.err
 
 
 def test_faults_have_the_names_of_the_options(run: Callable[..., Answer]) -> None:
     refused = run("vehicles", "new", "--mass", "1", "--body", "boat", "--procedure", "nedc")
     assert refused.code == 2
-    for option in ("--mass", "--body", "--procedure"):
+    for option in ("--mass:", "--body:", "--procedure:"):
         assert option in refused.err
     refused = run("vehicles", "kona", "--mass", "1800")
-    assert "option has no effect: --mass" in refused.err
+    assert "option has no effect: --mass: got 1800" in refused.err
     assert "only together with new" in refused.err

@@ -44,7 +44,7 @@ class NewCar:
 
 
 OPTIONS: Final = {
-    name: (hint.__metadata__[0].param_decls or (f"--{name}",))[0].partition("/")[0]
+    name: (said if isinstance(said := hint.__metadata__[0].default, str) else f"--{name}").partition("/")[0]
     for name, hint in get_type_hints(NewCar, include_extras=True).items()
 }
 """Argument of `describe_car` -> its option."""
@@ -81,8 +81,7 @@ def vehicles(
     given = {key: value for key, value in asdict(published).items() if value is not None}
     if name == "new":
         return _new(given, out)
-    without = {OPTIONS[key]: value for key, value in given.items()}
-    require_effect({**without, "--out": out}, "only together with new")
+    require_effect({OPTIONS[key]: given[key] for key in given} | {"--out": out}, "only together with new")
     from tripwatt.vehicles import find_vehicles, vehicle_titles
 
     titles = vehicle_titles()
@@ -98,6 +97,9 @@ def _new(given: dict[str, Any], out: Path | None) -> Answer:
     from tripwatt.certification import certified_interval
     from tripwatt.vehicles import render_vehicle
 
+    if not given:
+        allowed = ", ".join(OPTIONS.values())
+        raise InvalidInput.of("nothing is said of the car", "new", "no value", f"any of {allowed}")
     with places_named(OPTIONS):
         car = tw.describe_car(**given)
     wltp, text = certified_interval(car), render_vehicle(car)
@@ -245,8 +247,6 @@ def _car(model: Path | None, vehicle: str | None) -> tuple[Vehicle, Callable[[tw
         fitted = tw.load_model(model)
         note = f"{fitted.vehicle.title}: physics with the correction of the model"
         return fitted.vehicle, lambda trip: fitted.forecast(trip).by_cause_wh["correction"], note
-    if model is not None:
-        got = f"--model {model} --car {vehicle}"
-        raise InvalidInput.of("conflicting options", "--model and --car", got, "one of the two")
+    require_effect({"--model": model}, "one of the two, --model or --car")
     car = tw.load_vehicle(vehicle)
     return car, None, f"{car.title}: physics only, without a correction"
