@@ -52,8 +52,9 @@ class Row:
 
     @property
     def cells(self) -> str:
-        """As a row of Markdown."""
-        return f"| {self.name} | {self.value:.3g} | {self.bounds} | {self.verdict.lower()} |"
+        """As a row of Markdown; what a figure stands beside replaces its bounds, which are no claim then."""
+        met = "" if self.note else self.verdict.lower()
+        return f"| {self.name} | {self.value:.3g} | {self.note or self.bounds} | {met} |"
 
     @property
     def line(self) -> str:

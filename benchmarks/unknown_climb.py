@@ -209,11 +209,11 @@ def route_rows(routes: int = ROUTES, model: ForecastModel | None = None) -> Iter
 
 
 def region_rows(data: Path, folder: Path) -> Iterator[Row]:
-    """Scales of the regions with logs, beside those that the package has."""
+    """Scales of the regions with logs, beside those that the package took from the same logs: its bounds find a stale value."""
     for name in ("tum", "twizy", "sedan"):
         scale = region_scale(trips_of(name, data, folder)[0])
         own = REGION_SCALE_M.get(name)
-        bounds = () if own is None else (own - 0.05, own + 0.05)
+        bounds = () if own is None else (own - 0.05, own + 0.05, f"the package has {own:g} from these logs")
         yield Row(f"{name}: scale of the net climb over 10 km [m]", scale, "", *bounds)
 
 
@@ -244,6 +244,7 @@ def shown(rows: Sequence[Row]) -> str:
         if row.met is False:
             # of a coverage and of a width alike, more than the bound is an interval that is too wide
             fault = "Too wide" if row.value > row.most else "Too narrow"
+            fault = "Stale" if row.note else fault
             said.append(f"{fault}: {row.name} ({row.value:.3g}, where {row.bounds} is the bound).")
     head = "| What | Figure | Bound | Met |\n|:--|--:|--:|:--|"
     return "\n".join([head, *(row.cells for row in rows), "", " ".join(said) or "Every bound is met."])

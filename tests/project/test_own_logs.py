@@ -2,7 +2,7 @@
 
 from types import SimpleNamespace
 
-from benchmarks import own_logs
+from benchmarks import own_logs, unknown_climb
 from benchmarks.measure import Row
 from benchmarks.unknown_climb import coverage_rows, shown
 
@@ -40,6 +40,18 @@ def test_a_share_that_is_off_its_level_is_named():
     assert "too few trips (Clopper-Pearson, 95 %): sedan, 90 % (86 of 104)." in text
     assert "too many trips (Clopper-Pearson, 95 %): sedan, 95 % (104 of 104)." in text
     assert "| 52 of 104 |" in text
+
+
+def test_a_figure_beside_its_own_copy_meets_no_bound(monkeypatch):
+    trips = synthetic_fleet(2).trips
+    monkeypatch.setattr(unknown_climb, "trips_of", lambda *_: (trips, None))
+    monkeypatch.setattr(unknown_climb, "region_scale", lambda _: 22.03)
+    ours, stale, unused = unknown_climb.region_rows(None, None)
+    assert ours.cells.endswith("| 22 | the package has 22 from these logs |  |")
+    assert stale.met is False
+    assert unused.cells.endswith("| 22 |  |  |")
+    assert shown([ours, unused]).endswith("Every bound is met.")
+    assert "Stale: twizy" in shown([ours, stale])
 
 
 def test_a_missed_bound_stands_in_words_and_no_bound_is_met_by_every_figure():
