@@ -87,6 +87,14 @@ def test_a_track_without_times_needs_a_speed(run: Run, tmp_path: Path) -> None:
         ("r.csv", "length_m,speed_m_s\n500,-3\n-1,5\n", ["link 1, speed_m_s", "link 2, length_m"]),
         ("r.csv", "length_km,speed_km_h\n500,3\n", ["did you mean length_m", "did you mean speed_m_s"]),
         (
+            "r.csv",
+            "km,speed_kmh\n5,30\n",
+            ["did you mean length_m", "did you mean speed_m_s", "travel_time_s"],
+        ),
+        ("r.csv", "length_m,speed_m_s\n500,119\n", ["at most 70 m/s; the unit appears to be km/h"]),
+        ("r.csv", "time_s,speed_m_s\n0,0\n9,50\n18,119\n", ["0 to 90 m/s; the unit appears to be km/h"]),
+        ("r.csv", "t,v\n0,0\n9,5\n18,9\n", ["a column 'time_s'", "a column 'speed_m_s'"]),
+        (
             "r.json",
             '[{"length_m": 5}, {"speed_m_s": 5, "colour": 1}]',
             ["link 1", "missing key: link 2", "'colour'"],

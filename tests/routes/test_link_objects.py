@@ -285,6 +285,8 @@ class TestTable:
         assert is_links_table(b"a;length_m\n1;2")
         assert not is_links_table(b"length_m;time_s\n")
         assert not is_links_table(b"a;b\n")
+        assert all(map(is_links_table, (b"km,speed\n", b"speed,Distance [km]\n")))
+        assert not any(map(is_links_table, (b"km_h,v\n", b"km,time\n", b"datum,km2\n")))
         assert is_links_table(b"x" * 3993 + b",length_m\n")  # the word ends with the 4000th byte
         assert not is_links_table(b"x" * 3994 + b",length_m\n")
 

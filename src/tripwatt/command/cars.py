@@ -165,11 +165,10 @@ def simulate(
     faults = trips.value_faults(log.samples[["time_s"]], log.trip_id)
     raise_faults(replace(fault, fix=fix) for fault in faults)
     run = simulate_trip(car, trips.resample(log))
-    distance_km = log.distance_m / 1000.0
     answer = {
         "trip": log.trip_id,
         "vehicle": car.name,
-        "distance_km": distance_km,
+        "distance_km": log.distance_m / 1000.0,
         "duration_s": log.duration_s,
         "simulated_energy_wh": run.simulated_energy_wh,
         "observed_energy_wh": log.observed_energy_wh,

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import itertools
+import re
 import sys
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -28,8 +29,9 @@ from tripwatt.errors import (
     raise_faults,
 )
 from tripwatt.files import file_head
-from tripwatt.routes.links import FLAT_ROAD, MAX_LINKS, LinkRoute
+from tripwatt.routes.links import FASTEST_LINK_M_S, FLAT_ROAD, MAX_LINKS, LinkRoute
 from tripwatt.trips import LINK_COLUMNS, STEEPEST_GRADE, Flag
+from tripwatt.trips.columns import IN_KM_H
 from tripwatt.trips.elevation import HEIGHT_NOISE_M
 from tripwatt.trips.headers import DELIMITERS, header_faults, same_quantity
 
@@ -40,6 +42,9 @@ _SUFFIXES: Final = (".gpx", ".kml", ".kmz", ".json", ".geojson")
 
 LINK_KEYS: Final = tuple(sorted(LINK_COLUMNS))
 """Keys of a link, see `route_from_links`."""
+
+_LENGTHS: Final = re.compile(r"length|distance|km$")
+"""Begin of the names that the length of a link may have."""
 
 _HARMLESS: Final = {key: 0.0 if key in ("grade", "stop_s") else 1.0 for key in LINK_KEYS}
 """Replacement of a value that is not a finite number, so that only one fault is reported for it."""
@@ -178,6 +183,8 @@ def columns_of_links(links: Sequence[object], where: str = "") -> tuple[dict[str
     for key in ("length_m", "speed_m_s", "travel_time_s"):
         not_positive = columns[key] <= 0.0
         wrong.add("link out of range", not_positive, key, _formatter(columns[key]), "more than 0")
+    speed, allowed = columns["speed_m_s"], f"more than 0, at most {FASTEST_LINK_M_S:g} m/s"
+    wrong.add("link out of range", speed > FASTEST_LINK_M_S, "speed_m_s", _formatter(speed), allowed, IN_KM_H)
     with np.errstate(all="ignore"):  # a length of 0 is named above
         rise = columns["end_elevation_m"] - columns["start_elevation_m"]
         slope, noise = rise / columns["length_m"], HEIGHT_NOISE_M / columns["length_m"]
@@ -197,10 +204,10 @@ def _key_hint(key: object) -> str:
 
     Examples
     --------
-    >>> _key_hint("speed_km_h"), _key_hint("colour")
-    ('did you mean speed_m_s?', '')
+    >>> _key_hint("speed_km_h"), _key_hint("km"), _key_hint("colour")
+    ('did you mean speed_m_s?', 'did you mean length_m?', '')
     """
-    near = same_quantity(key, LINK_KEYS, cutoff=0.8)
+    near = "length_m" if _LENGTHS.match(f"{key}") else same_quantity(key, LINK_KEYS, cutoff=0.8)
     return f"did you mean {near}?" if near else ""
 
 
@@ -317,12 +324,11 @@ def is_links_table(data: bytes) -> bool:
 
     Examples
     --------
-    >>> [is_links_table(text) for text in (b"length_m,speed_m_s\n", b"time_s,speed_m_s\n", b'[{"time":1,"length":2}]')]
-    [True, False, False]
+    >>> [is_links_table(text) for text in (b"length_m,speed_m_s\n", b"km,speed\n", b"time_s,speed_m_s\n", b'[{"time":1,"length":2}]')]
+    [True, True, False, False]
     """
     names = _header_cells(data.partition(b"\n")[0][:4000].decode("utf-8-sig", "replace"))[0]
-    starts = {start for start in ("length", "time", "{", "[") for name in names if name.startswith(start)}
-    return starts == {"length"}
+    return any(map(_LENGTHS.match, names)) and not any(n.startswith(("time", "{", "[")) for n in names)
 
 
 def is_route(path: Path | str) -> bool:

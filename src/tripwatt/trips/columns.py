@@ -64,6 +64,9 @@ COLUMNS: Final = _TABLES["samples"]
 
 REQUIRED_COLUMNS: Final = ("time_s", "speed_m_s")
 
+IN_KM_H: Final = "the unit appears to be km/h; convert it to m/s"
+"""Advice for a speed that is too high."""
+
 QUANTITIES: Final = _TABLES["quantities"]
 """Single numbers that belong to a whole trip."""
 

@@ -46,7 +46,7 @@ def same_quantity(name: object, known: Collection[str], *, cutoff: float = 0.6) 
 def header_faults(
     names: Sequence[str], known: Collection[str], where: str, what: str, hint: Callable[[str], str]
 ) -> Iterator[Fault]:
-    """Yield the faults of unknown and of duplicate columns. O(names); only the first few have hints.
+    """Yield the faults of unknown and of duplicate columns. O(names); only the first few have hints, and the first lists the allowed names.
 
     Parameters
     ----------
@@ -64,14 +64,13 @@ def header_faults(
     >>> [fault.got for fault in header_faults(["a", "b", "b"], ("b",), "table", "unknown column", str.upper)]
     ['a', '2 times']
     """
-    allowed = ", ".join(known)
     unknown = [name for name in names if name not in known]
     for k, name in enumerate(unknown[:MAX_FAULTS]):
         shown = name[:LONGEST_NAME]
         fix = hint(name) if k < MAX_HINTS else ""
-        yield Fault(what, f"{where}, column {shown!r}", shown, allowed, fix)
+        yield Fault(what, f"{where}, column {shown!r}", shown, "" if k else ", ".join(known), fix)
     if len(unknown) > MAX_FAULTS:
-        yield Fault(what, where, f"{len(unknown) - MAX_FAULTS} more", allowed)
+        yield Fault(what, where, f"{len(unknown) - MAX_FAULTS} more", ", ".join(known))
     twice = [(name, count) for name, count in Counter(names).items() if count > 1]
     for name, count in twice[:MAX_FAULTS]:
         yield Fault("duplicate column", f"{where}, column {name[:LONGEST_NAME]!r}", f"{count} times", "once")

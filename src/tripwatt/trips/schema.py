@@ -14,7 +14,7 @@ import pandas as pd
 
 from tripwatt.arrays import FloatArray
 from tripwatt.errors import Fault, and_more, excerpt
-from tripwatt.trips.columns import COLUMNS, REQUIRED_COLUMNS, raise_faults
+from tripwatt.trips.columns import COLUMNS, IN_KM_H, REQUIRED_COLUMNS, raise_faults
 
 
 def structure_faults(
@@ -99,7 +99,8 @@ def value_faults(samples: pd.DataFrame | Mapping[str, FloatArray], where: str) -
         if len(outside):
             unit = "" if column.unit == "1" else f" {column.unit}"
             got = f"{values[outside[0]]:g}{unit}{and_more(outside)}"
-            yield Fault("value out of range", f"{place}{outside[0] + 1}", got, column.allowed)
+            fix = IN_KM_H if name == "speed_m_s" and np.nanmax(values) > column.maximum else ""
+            yield Fault("value out of range", f"{place}{outside[0] + 1}", got, column.allowed, fix)
     time = np.asarray(samples["time_s"], dtype=np.float64)
     back = np.flatnonzero(np.diff(time) <= 0)
     if len(back):
@@ -126,10 +127,10 @@ def validate_samples(samples: pd.DataFrame, where: str) -> None:
 
     Examples
     --------
-    >>> validate_samples(pd.DataFrame({"time_s": [0.0, 1.0], "speed_m_s": [0.0, 900.0]}), "drive.csv")
+    >>> validate_samples(pd.DataFrame({"time_s": [0.0, 1.0], "speed_m_s": [0.0, -9.0]}), "drive.csv")
     Traceback (most recent call last):
         ...
-    tripwatt.errors.InvalidInput: value out of range: drive.csv, column 'speed_m_s', row 2: got 900 m/s; allowed: 0 to 90 m/s
+    tripwatt.errors.InvalidInput: value out of range: drive.csv, column 'speed_m_s', row 2: got -9 m/s; allowed: 0 to 90 m/s
     """
     raise_faults(structure_faults(samples, where))
     raise_faults(value_faults(samples, where))
