@@ -13,6 +13,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence, Siz
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import asdict, dataclass, replace
 from importlib.util import find_spec
+from pathlib import Path
 from typing import Any, Final, ParamSpec, Self, TypeVar, cast
 
 Given = ParamSpec("Given")
@@ -156,14 +157,16 @@ ON_AN_INDEX: Final = False
 
 
 def install(*extras: str) -> str:
-    """The advice how to install extras: from an index, or as an editable install of a clone.
+    """The advice how to install extras: by the name of the package, or as an editable install of a clone.
+
+    A wheel that is installed already needs no index: pip adds what its extras need.
 
     Examples
     --------
     >>> install("service", "fleet")
     "run pip install -e '.[service,fleet]' in the clone of tripwatt"
     """
-    if ON_AN_INDEX:
+    if ON_AN_INDEX or not Path(__file__).parents[2].joinpath("pyproject.toml").is_file():
         return f"run pip install 'tripwatt[{','.join(extras)}]'"
     return f"run {clone_line(extras)} in the clone of tripwatt"
 

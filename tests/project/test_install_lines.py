@@ -15,17 +15,19 @@ from tripwatt.errors import EXTRAS, ON_AN_INDEX, InvalidInput, extras_faults, in
 ROOT = Path(__file__).resolve().parents[2]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
 DECLARED = PROJECT["optional-dependencies"]
-ON_INDEX = re.compile(r"pip install '?tripwatt(?:\[(?P<extras>[a-z]+(?:,[a-z]+)*)\]')?")
+GAMM = tomllib.loads((ROOT / "gamm" / "pyproject.toml").read_text())["project"]["optional-dependencies"]
+ON_INDEX = re.compile(r"pip install '?tripwatt(?P<gamm>-gamm)?(?:\[(?P<extras>[a-z]+(?:,[a-z]+)*)\]')?")
 IN_CLONE = re.compile(
-    r"pip install(?: -e gamm)?(?: -e)? (?:\.(?=[`)\s]|$)|'\.\[(?P<extras>[a-z]+(?:,[a-z]+)*)\]')"
+    r"pip install(?: -e gamm)?(?: -e)? (?:\.(?=[`)\s]|$)|'(?:\.|(?P<gamm>gamm))\[(?P<extras>[a-z]+(?:,[a-z]+)*)\]')"
 )
 SHAPE = ON_INDEX if ON_AN_INDEX else IN_CLONE
 
 
 def install_lines() -> list[tuple[str, str]]:
-    files = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md"))]
+    files = [*PAGES, ROOT / "CONTRIBUTING.md"]
     for folder, kinds in (
         ("src/tripwatt", ("py",)),
+        ("gamm/src", ("py",)),
         ("web/src", ("ts", "tsx")),
         ("tools", ("py",)),
         ("benchmarks", ("py",)),
@@ -53,13 +55,13 @@ def test_lines_that_install_are_found() -> None:
 def test_an_install_line_follows_the_switch_and_names_known_extras(where: str, line: str) -> None:
     if "{" in line or "tools/docs/install_lines" in where:  # made by `install`; both forms
         return
-    assert ON_AN_INDEX or not re.search(r"pip install[^`]*tripwatt\[", line), where
+    assert ON_AN_INDEX or not re.search(r"pip install[^`]*tripwatt(-gamm)?\[", line), where
     if "(cd client" in line:  # a client that was generated
         return
     found = SHAPE.search(line)
     assert found, f"{where}: {line}"
     for extra in (found["extras"] or "").split(","):
-        assert not extra or extra in DECLARED, f"{where}: {extra}"
+        assert not extra or extra in (GAMM if found["gamm"] else DECLARED), f"{where}: {extra}"
         editable = ON_AN_INDEX or not extra or "pip install -e" in line
         assert editable, f"{where}: the install of `make run` stays editable"
 
@@ -70,7 +72,7 @@ def test_pages_follow_the_switch_and_it_goes_both_ways() -> None:
     on_index = [in_form(text, on_index=True) for text in texts]
     assert sum(len(re.findall("pip install '?tripwatt", text)) for text in on_index) > 10
     left = "\n".join(on_index).replace("(cd client && pip install .)", "")
-    assert not re.search(r"pip install (-e )?'?\.", left)
+    assert not re.search(r"pip install (-e )?'?(\.|gamm)", left)
     assert [in_form(text, on_index=False) for text in on_index] == [
         in_form(text, on_index=False) for text in texts
     ]
@@ -83,6 +85,8 @@ def test_messages_follow_the_switch(monkeypatch: pytest.MonkeyPatch) -> None:
     assert install("service", "fleet") == "run pip install 'tripwatt[service,fleet]'"
     monkeypatch.setattr("tripwatt.errors.ON_AN_INDEX", False)
     assert install("mcp") == "run pip install -e '.[mcp]' in the clone of tripwatt"
+    monkeypatch.setattr("tripwatt.errors.__file__", "/venv/lib/python3.12/site-packages/tripwatt/errors.py")
+    assert install("mcp") == "run pip install 'tripwatt[mcp]'"  # of the installed wheel
 
 
 def test_messages_and_make_run_name_extras_that_exist() -> None:

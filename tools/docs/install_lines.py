@@ -16,7 +16,7 @@ from tools import DOCS, ROOT
 from tools.command import run
 from tripwatt import errors
 
-PAGES: Final = (ROOT / "README.md", *sorted(DOCS.rglob("*.md")))
+PAGES: Final = (ROOT / "README.md", ROOT / "gamm" / "README.md", *sorted(DOCS.rglob("*.md")))
 SWITCH: Final = Path("src/tripwatt/errors.py")
 
 SENTENCES: Final = (
@@ -25,6 +25,10 @@ SENTENCES: Final = (
         "## Install\n\n`pip install tripwatt`, with Python 3.11 or newer; a map needs 3.12. In a clone, with `make`:\n",
     ),
     ("(`pip install -e .` in a clone)", "(`pip install tripwatt`)"),
+    (
+        "In a clone of tripwatt:\n\n```\npip install -e 'gamm[figures]'\n",
+        "```\npip install 'tripwatt-gamm[figures]'\n",
+    ),
 )
 """Sentences about a clone, and those about an index in their place."""
 

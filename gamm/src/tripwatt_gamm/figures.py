@@ -13,7 +13,7 @@ try:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure, SubFigure
 except ImportError as error:
-    raise ImportError("figures need matplotlib: pip install 'tripwatt-gamm[figures]'") from error
+    raise ImportError("figures need matplotlib: pip install matplotlib") from error
 
 BLUE: Final = "#0072B2"  # Okabe & Ito's palette, whose colours differ for every kind of colour vision
 RED: Final = "#D55E00"

@@ -98,8 +98,7 @@ def _new(given: dict[str, Any], out: Path | None) -> Answer:
     from tripwatt.vehicles import render_vehicle
 
     if not given:
-        allowed = ", ".join(OPTIONS.values())
-        raise InvalidInput.of("nothing is said of the car", "new", "no value", f"any of {allowed}")
+        raise InvalidInput.of("nothing is said of the car", "new", "no value", ", ".join(OPTIONS.values()))
     with places_named(OPTIONS):
         car = tw.describe_car(**given)
     wltp, text = certified_interval(car), render_vehicle(car)
