@@ -283,6 +283,21 @@ def test_who_has_the_charge_to_leave_with_arrives_and_who_arrives_was_not_told_m
     assert max(told) <= 0.5
 
 
+def test_a_certain_plan_comes_before_one_that_is_more_likely_to_arrive_at_all():
+    """Chances are rounded to compare plans, but not past the chance that a journey has to have."""
+    certain, other = (SimpleNamespace(p_reserve=p, p_arrive=q) for p, q in ((0.9501, 0.96), (0.9499, 0.99)))
+    assert max(other, certain, key=plans._by_chance) is certain
+    other.p_reserve, certain.p_reserve = 0.9, 0.899
+    assert max(certain, other, key=plans._by_chance) is other
+
+
+def test_no_charge_makes_up_for_later_legs_that_are_too_unsure():
+    doubtful = SimpleNamespace(legs=(None,), leg_chances=(0.99, 0.97, 0.97))
+    assert plans._first_need(doubtful) is None
+    doubtful.leg_chances = (0.99, 0.9502)  # the first leg would need the chance of 0.9998
+    assert plans._first_need(doubtful) is None
+
+
 def test_a_plan_of_best_effort_is_as_fast_as_others_to_within_a_stop():
     """A tenth of the display that is missing does not hide minutes in the tolerance of the search."""
     problem = StopProblem(0.1, *np.full((2, 2, 2), 0.2), np.ones((2, 2)), np.ones((2, 2)), 0.0, np.zeros(2))

@@ -127,20 +127,22 @@ def _best_effort(corridor: Corridor) -> ChargingPlan | None:
         for chances in tried  # the least first: it routes legs whose estimates are too high for the others
         if (way := corridor.optimum(chances, BEST_EFFORT)) is not None and len(way.nodes) > 2
     ]
-    best = max(
-        plans[::-1], key=lambda plan: (round(plan.p_reserve, 2), round(plan.p_arrive, 2)), default=None
-    )
+    best = max(plans[::-1], key=_by_chance, default=None)
     if best is None or best.p_reserve >= CERTAIN:
         return best and replace(best, label="fastest")
-    _, needed = min(map(_first_need, plans))
-    return replace(best, soc_needed=needed)
+    return replace(best, soc_needed=min(filter(None, map(_first_need, plans)), default=None))
 
 
-def _first_need(plan: ChargingPlan) -> tuple[bool, float]:
-    """Return whether the legs after the first have too small a chance, and the charge that the first needs to make up for them."""
-    first, later = plan.legs[0], math.prod(plan.leg_chances[1:])
-    chance = min(CERTAIN / later, 1.0 - _LEG_RISKS[0])
-    return later < CERTAIN, soc_needed(first.forecast, min(plan.reserve + first.preheat_soc, 1.0), chance)
+def _by_chance(plan: ChargingPlan) -> tuple[bool, float, float]:
+    return plan.p_reserve >= CERTAIN, round(plan.p_reserve, 2), round(plan.p_arrive, 2)
+
+
+def _first_need(plan: ChargingPlan) -> float | None:
+    """Return the charge with which the first leg makes up for the chances of the others; None if it cannot."""
+    first, chance = plan.legs[0], CERTAIN / math.prod(plan.leg_chances[1:])
+    if chance > 1.0 - _LEG_RISKS[0]:
+        return None
+    return soc_needed(first.forecast, min(plan.reserve + first.preheat_soc, 1.0), chance)
 
 
 def helps(plan: ChargingPlan, corridor: Corridor) -> bool:
