@@ -88,11 +88,11 @@ def test_the_map_is_no_part_of_the_first_visit() -> None:
     parts = [(PAGE / name).read_text() for name in loaded if name.endswith(".js")]
     code = "".join(parts)
     assert (
-        len(re.findall(r"import\(", code)) == 5
-    )  # the two parts of the map, and of a language; the own cars
+        len(re.findall(r"import\(", code)) == 6
+    )  # the two parts of the map, and of a language; the own cars; the table of links
     assert "Sie kommen an" not in code
     imported = [name for part in parts for name in re.findall(r'from"\./([^"]+)"', part)]
-    assert sorted(imported) == sorted(preloaded), "no part waits for another one"
+    assert {*imported} == {*preloaded}, "no part waits for another one"
     assert (
         sum((PAGE / name).stat().st_size for name in {*loaded, "index.html"}) < FIRST_VISIT_BYTES - FONT_BYTES
     )

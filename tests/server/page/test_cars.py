@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 from tests.server.http.test_car_endpoints import archive, logs_of
 from tests.server.page.conftest import serious
-from tests.sources.test_loggers import EXPORTS, WITHOUT_BMS, WITHOUT_DISPLAY, written
+from tests.sources.test_loggers import EXPORTS, LACKING, written
 from tests.support.service_process import Service
 from tools.quality.page import SHOWN, choose_car
 
@@ -199,8 +199,9 @@ def test_every_export_is_mapped_without_a_wrong_column(opened: Any, tmp_path: Pa
         found = mapped(page)
         for name, column in COLUMNS[logger].items():
             assert found.get(name) == column, (logger, name)
-        assert ("State of charge (battery)" in found) == (logger not in WITHOUT_BMS), logger
-        assert ("State of charge (display)" in found) == (logger not in WITHOUT_DISPLAY), logger
+        lacking = LACKING.get(logger, set())
+        assert ("State of charge (battery)" in found) == ("soc" not in lacking), logger
+        assert ("State of charge (display)" in found) == ("displayed_soc" not in lacking), logger
         dialog(page).get_by_role("button", name="Cancel").click()
 
 

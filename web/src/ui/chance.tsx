@@ -27,7 +27,7 @@ export function Chance({ verdict, chance, reserve, atAll, of = "end" }: Props) {
         <strong>{isRisky ? words.risky : words.words[likelihoodOf(isBelow ? atAll : chance)]}</strong>
         {isBelow ? words.withCharge : kept}
         <span class="figures"> · {chanceInFigures(isBelow ? atAll : chance)}</span>
-        {reserve > 0 && chanceInFigures(chance) !== chanceInFigures(atAll) && (
+        {reserve > 0 && (of !== "fromFirst" || chanceInFigures(chance) !== chanceInFigures(atAll)) && (
           <span class="at-all">
             {isBelow ? `${keptAlone}: ${chanceInFigures(chance)}` : words.atAll(chanceInFigures(atAll))}
           </span>
