@@ -50,7 +50,7 @@ def _compare(page: Any) -> None:
 def _motorway(page: Any) -> None:
     _check(page, "Road sections")
     page.get_by_role("button", name="Try with an example").click()
-    page.get_by_text("73 road sections").wait_for()
+    page.get_by_text("5 road sections").wait_for()
     _check(page, "Compare")
     page.get_by_role("button", name="Motorway speed").click()
 
