@@ -1113,6 +1113,6 @@ def test_a_phone_starts_with_from_and_to_and_needs_no_webgl(browser: Any, planne
     choose(page, "Von", "west", "Westend")
     choose(page, "Nach", "ost", "Ostheim")
     whole_answer(page, lambda: page.get_by_role("button", name="Planen", exact=True).click())
-    page.locator(".journey-answer").get_by_text("bei 19 von 20 Fahrten").wait_for()
+    page.locator(".journey-answer").get_by_text("bei 95 von 100 Fahrten").wait_for()
     assert page.evaluate("document.documentElement.scrollWidth") <= page.viewport_size["width"]
     context.close()

@@ -300,7 +300,7 @@ def test_a_distance_needs_energy_and_a_charge_goes_so_far(look: Look) -> None:
     need, far = distance(page, "40")
     assert need["distance_m"] == pytest.approx(64_373.8, rel=1e-3)
     page.locator(".need .number", has_text=f"{need['energy_wh'] / 1000:.1f}").first.wait_for()
-    enough = f"{need['energy_quantile_wh'] / 1000:.1f}\u00a0kWh is enough for 19 of 20 such trips"
+    enough = f"{need['energy_quantile_wh'] / 1000:.1f}\u00a0kWh is enough for 95 of 100 such trips"
     assert enough in page.locator(".need .missing").inner_text()
     assert page.get_by_text("The uncertainty comes from the car").count() == 1
     assert f"{100 * need['soc_needed']:.0f}\u00a0%" in page.locator(".need .whole").inner_text()

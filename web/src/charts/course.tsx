@@ -45,18 +45,16 @@ function marksOf({ course, reserve }: LiveForecast, carM: number): Mark[] {
   ];
 }
 
-/** Range of the vertical axis [%], from the least and the largest value. */
-function spanOf(low: number | null, high: number | null, reserve: number): [number, number] {
-  return [Math.max(0, Math.min(low ?? 0, reserve) - MARGIN), Math.min(100, (high ?? 100) + MARGIN)];
-}
-
 export function CourseChart({ of, carM, height, label, isNight }: Props) {
   const data = useMemo(() => columnsOf(of, carM), [of, carM, system.value]);
+  const reserve = PERCENT.from(of.reserve);
   const options = ({ palette }: Look): ChartOptions => ({
     padding: [12, 26, 0, 0],
     scales: {
       x: { time: false },
-      y: { range: (_plot, low, high) => spanOf(low, high, PERCENT.from(of.reserve)) },
+      y: {
+        range: (_, low, high) => [Math.max(0, Math.min(low, reserve) - MARGIN), Math.min(100, high + MARGIN)],
+      },
     },
     axes: [alongAxis(palette), axis({ palette, scale: "y", text: percent, space: 28 })],
     bands: [{ series: [1, 2], fill: palette["main-band"] }],

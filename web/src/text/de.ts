@@ -124,7 +124,7 @@ const de: Text = {
     plan: "Planen",
     orMore: (soc) => `${soc} oder mehr`,
     leaveWith: (soc, expected, reserve) =>
-      `Mit ${soc} losfahren: Ankunft mit etwa ${expected}, bei 19 von 20 Fahrten mindestens ${reserve}.`,
+      `Mit ${soc} losfahren: Ankunft mit etwa ${expected}, bei 95 von 100 Fahrten mindestens ${reserve}.`,
     justEnough: (soc, spares) =>
       `${soc} reichen${spares ? ", viel Spielraum bleibt nicht" : ". Mit weniger müssen Sie unterwegs laden"}.`,
     leaveWithStops: (soc, more, isOr) =>
@@ -133,12 +133,12 @@ const de: Text = {
     chargedFirst: (soc, more) => `Oder, wenn Sie vor der Abfahrt auf ${soc} laden können (${more} mehr)`,
     otherwise: "Sonst",
     withoutStop: (time) =>
-      `Ohne Ladestopp fahren: ${time}${time && " weniger unterwegs, und "}die Reserve bei 19 von 20 Fahrten.`,
+      `Ohne Ladestopp fahren: ${time}${time && " weniger unterwegs, und "}die Reserve bei 95 von 100 Fahrten.`,
     onlyInPause: (time) => `Direkt hinfahren und nur in der Pause laden: ${time} weniger unterwegs.`,
     notNow: (soc, left, chance, atAll) =>
       `Fahren Sie nicht mit ${soc} direkt hin: Sie kämen mit ${left} an, nur bei ${chance} mit der Reserve, und überhaupt bei ${atAll}.`,
     notEnough: "Auch eine volle Batterie reicht nicht ohne Ladestopp.",
-    anyCharge: (reserve) => `Jeder Ladestand reicht: bei 19 von 20 Fahrten bleiben mindestens ${reserve}.`,
+    anyCharge: (reserve) => `Jeder Ladestand reicht: bei 95 von 100 Fahrten bleiben mindestens ${reserve}.`,
     chargeFirst: (soc, isLow) =>
       `Wenn Sie hier laden können: auf ${soc} vor der Abfahrt.${isLow ? " Sonst rufen Sie den Pannendienst." : ""}`,
     noStations: "Diese Karte hat keine Ladestationen.",
@@ -157,7 +157,7 @@ const de: Text = {
     navigate: "In einer Navigations-App öffnen",
     forThere: (time, arrival, leave, clock, day) =>
       `“ fahren und dort ${time} laden, von ${arrival} auf ${leave}; Ankunft dort${day && ` ${day}`} gegen ${clock}.`,
-    inPause: (time, least) => `${time} in der Pause (${least} reichen)`,
+    inPause: (time, least) => `${time} in der Pause (${least} reichen für den Rest)`,
     withPower: (time, power, reason) => `${time} mit etwa ${power}${reason && ` (${reason})`}`,
     noMore: (isCold) => `mehr nimmt ${isCold ? "die kalte Batterie" : "das Auto"} nicht`,
     chargeHere: (isOnTheWay) => `${isOnTheWay ? "Dort" : "Hier"} laden: an „`,
@@ -180,10 +180,11 @@ const de: Text = {
     here: "Sie sind hier",
     arriveThere: (range) => `Ankunft dort mit ${range}`,
     reached: (chance) => `mit der Reserve bei ${chance}`,
-    reachedAtAll: (chance, range) => `Sie kommen dort bei ${chance} an${range && `, mit ${range}`}.`,
+    reachedAtAll: (chance, range, isUsual) =>
+      `${isUsual ? "Bei üblicher Fahrt kommen Sie" : "Sie kommen"} dort bei ${chance} an${range && `, mit ${range}`}.`,
     orCall: "Ist Ihnen das zu unsicher, rufen Sie zuerst den Pannendienst.",
     gently: (speed, chance, range) =>
-      `Mit höchstens ${speed} und ohne Heizung und Klimaanlage kommen Sie dort bei ${chance} an${range && `, mit ${range}`}.`,
+      `Fahren Sie höchstens ${speed}, ohne Heizung und Klimaanlage: So kommen Sie dort bei ${chance} an${range && `, mit ${range}`}.`,
     preheat: "Batterie auf dem Weg dorthin vorwärmen",
     plugs: { type2_combo: "CCS", chademo: "CHAdeMO", type2: "Typ 2", type2_cable: "Typ 2" },
     detour: (far) => `davon ${far} zu Ladestationen`,
@@ -224,6 +225,7 @@ const de: Text = {
     drag: "Verschieben Sie A oder B, um die neue Ankunft zu sehen.",
     stations: "Ladestationen im Ausschnitt",
     chooseStation: "Station wählen …",
+    noPlug: "kein Stecker für dieses Auto",
     assumed: "angenommen",
     stopHere: "Hier laden",
     keepStop: "Diesen Stopp behalten",
@@ -243,7 +245,7 @@ const de: Text = {
     zoomOut: "Verkleinern",
     reach: "Reichweite ab A zeigen",
     reachRunning: "Reichweite wird berechnet …",
-    reachKey: "Linie: Ankunft mit der Reserve bei 19 von 20 Fahrten; gestrichelte Linie: bei 10 von 20.",
+    reachKey: "Linie: Ankunft mit der Reserve bei 95 von 100 Fahrten; gestrichelte Linie: bei 50 von 100.",
     mapEnds: "Sie kommen über den Rand dieser Karte hinaus.",
     failed: "Dieser Browser kann die Karte nicht zeichnen. Alles andere funktioniert ohne sie.",
   },
@@ -374,7 +376,7 @@ const de: Text = {
     stopMissed: (station) => `Sie erreichen „${station}“ vielleicht nicht`,
     doNotSetOut: (far) => `Fahren Sie nicht los: Der Ladestand reicht etwa ${far}`,
     perhaps: "Sie kommen vielleicht nicht an",
-    leavesBelow: (reserve) => `Sie fahren mit weniger als Ihrer Reserve von ${reserve} los.`,
+    leavesBelow: (reserve) => `Sie fahren unter Ihrer Reserve von ${reserve} los. Zahlen für übliche Fahrt.`,
     not: "Ohne Laden kommen Sie nicht an",
     probablyNot: "Ohne Laden kommen Sie wahrscheinlich nicht an",
     notWithStops: "Auch mit Ladestopps kommen Sie wahrscheinlich nicht an",
@@ -395,7 +397,7 @@ const de: Text = {
   },
   need: {
     needs: (distance) => `Energie für ${distance}`,
-    enoughFor: (energy) => `${energy} reichen für 19 von 20 solcher Fahrten`,
+    enoughFor: (energy) => `${energy} reichen für 95 von 100 solcher Fahrten`,
     half: (energies) => `${energies} bei der Hälfte solcher Fahrten`,
     about: (soc) => `etwa ${soc}`,
     charge: "Nötiger Ladestand",
@@ -404,15 +406,15 @@ const de: Text = {
     probably: (soc, distance) => `${soc} reichen wahrscheinlich für ${distance}`,
     notEnough: (soc, distance) => `${soc} reichen nicht für ${distance}`,
     moreThanFull: "mehr als 100\u00a0%",
-    leaves: (left) => `Bei 19 von 20 solcher Fahrten bleiben ${left} oder mehr`,
-    lacking: (to) => `Laden Sie auf ${to}: Dann bleibt bei 19 von 20 solcher Fahrten die Reserve`,
+    leaves: (left) => `Bei 95 von 100 solcher Fahrten bleiben ${left} oder mehr`,
+    lacking: (to) => `Laden Sie auf ${to}: Dann bleibt bei 95 von 100 solcher Fahrten die Reserve`,
     full: "Auch eine volle Batterie reicht nicht sicher. Laden Sie unterwegs (auch am Ziel), fahren Sie langsamer, oder planen Sie die Strecke von A nach B: Eine bekannte Strecke gibt eine sicherere Antwort.",
     howFar: (soc, reserve) => `Reichweite von ${soc} bis ${reserve}`,
     byKind: "Reichweite nach Straßenart",
     range: "Erwartet",
     interval: "Hälfte aller Fahrten",
-    cautious: "19 von 20, mind.",
-    atLeast: (far) => `bei 19 von 20 Fahrten mindestens ${far}`,
+    cautious: "95 von 100, mind.",
+    atLeast: (far) => `bei 95 von 100 Fahrten mindestens ${far}`,
     doubt: (car, road, weather, day) =>
       `Die Unsicherheit kommt vom Auto (${car}), von der Straße (${road}), vom Wetter (${weather}) und vom Tag (${day}).`,
     narrows: (what, by) => `Am meisten verringert sie diese Angabe, um bis zu ${by}: ${what}.`,

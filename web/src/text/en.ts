@@ -118,7 +118,7 @@ export const en = {
     plan: "Plan",
     orMore: (soc: string) => `${soc} or more`,
     leaveWith: (soc: string, expected: string, reserve: string) =>
-      `Leave with ${soc}: about ${expected} on arrival, at least ${reserve} in 19 of 20 trips.`,
+      `Leave with ${soc}: about ${expected} on arrival, at least ${reserve} in 95 of 100 trips.`,
     justEnough: (soc: string, spares: boolean) =>
       `${soc} is enough${spares ? ", with little to spare" : ". With less you have to charge on the way"}.`,
     leaveWithStops: (soc: string, more: string, isOr: boolean) =>
@@ -128,13 +128,13 @@ export const en = {
       `Or, if you can charge to ${soc} before you leave (${more} more)`,
     otherwise: "Otherwise",
     withoutStop: (time: string) =>
-      `Drive without a charging stop: ${time}${time && " less on the way, and "}the reserve in 19 of 20 trips.`,
+      `Drive without a charging stop: ${time}${time && " less on the way, and "}the reserve in 95 of 100 trips.`,
     onlyInPause: (time: string) =>
       `Drive straight there and charge in the pause only: ${time} less on the way.`,
     notNow: (soc: string, left: string, chance: string, atAll: string) =>
       `Do not drive straight there with ${soc}: you would arrive with ${left}, with the reserve in only ${chance}, and at all in ${atAll}.`,
     notEnough: "Even a full battery is not enough without a charging stop.",
-    anyCharge: (reserve: string) => `Any charge is enough to arrive with ${reserve} in 19 of 20 trips.`,
+    anyCharge: (reserve: string) => `Any charge is enough to arrive with ${reserve} in 95 of 100 trips.`,
     chargeFirst: (soc: string, isLow: boolean) =>
       `If you can charge here: to ${soc} before you set out.${isLow ? " Otherwise call roadside assistance." : ""}`,
     noStations: "This map has no charging stations.",
@@ -153,7 +153,7 @@ export const en = {
     navigate: "Open in a navigation app",
     forThere: (time: string, arrival: string, leave: string, clock: string, day: string) =>
       `” and charge ${time}, from ${arrival} to ${leave}; you are there${day && ` ${day}`} at about ${clock}.`,
-    inPause: (time: string, least: string) => `${time} in the pause (${least} is enough)`,
+    inPause: (time: string, least: string) => `${time} in the pause (${least} is enough for the rest)`,
     withPower: (time: string, power: string, reason: string) =>
       `for ${time} with about ${power}${reason && ` (${reason})`}`,
     noMore: (isCold: boolean) => `the ${isCold ? "cold battery" : "car"} takes no more`,
@@ -178,11 +178,11 @@ export const en = {
     here: "you are here",
     arriveThere: (range: string) => `you arrive there with ${range}`,
     reached: (chance: string) => `with the reserve in ${chance}`,
-    reachedAtAll: (chance: string, range: string) =>
-      `You get there in ${chance}${range && `, with ${range}`}.`,
+    reachedAtAll: (chance: string, range: string, isUsual = false) =>
+      `${isUsual ? "Driven as usual, you" : "You"} get there in ${chance}${range && `, with ${range}`}.`,
     orCall: "If that is too uncertain, call roadside assistance first.",
     gently: (speed: string, chance: string, range: string) =>
-      `At most ${speed}, with heating and air conditioning off, you get there in ${chance}${range && `, with ${range}`}.`,
+      `Drive at most ${speed}, with heating and air conditioning off: you get there in ${chance}${range && `, with ${range}`}.`,
     preheat: "warm up the battery on the way there",
     plugs: { type2_combo: "CCS", chademo: "CHAdeMO", type2: "Type 2", type2_cable: "Type 2" },
     detour: (far: string) => `${far} of it to charging stations`,
@@ -223,6 +223,7 @@ export const en = {
     drag: "Drag A or B to see the new arrival.",
     stations: "Charging stations in view",
     chooseStation: "Choose one …",
+    noPlug: "no plug for this car",
     assumed: "assumed",
     stopHere: "Stop here",
     keepStop: "Keep this stop",
@@ -242,7 +243,7 @@ export const en = {
     zoomOut: "Zoom out",
     reach: "Show how far you get from A",
     reachRunning: "Finding out how far you get …",
-    reachKey: "Solid line: you get there with the reserve in 19 of 20 trips; dashed line: in 10 of 20.",
+    reachKey: "Solid line: you get there with the reserve in 95 of 100 trips; dashed line: in 50 of 100.",
     mapEnds: "You can drive beyond the edge of this map.",
     failed: "This browser cannot draw the map. Everything else works without it.",
   },
@@ -374,7 +375,8 @@ export const en = {
     stopMissed: (station: string) => `You may not reach ${station}`,
     doNotSetOut: (far: string) => `Do not set out: the charge lasts about ${far}`,
     perhaps: "You may not arrive",
-    leavesBelow: (reserve: string) => `You leave with less than your reserve of ${reserve}.`,
+    leavesBelow: (reserve: string) =>
+      `You leave below your reserve of ${reserve}. Figures for driving as usual.`,
     not: "You will not arrive without charging",
     probablyNot: "You will probably not arrive without charging",
     notWithStops: "Even with charging stops you will probably not arrive",
@@ -395,7 +397,7 @@ export const en = {
   },
   need: {
     needs: (distance: string) => `Energy for ${distance}`,
-    enoughFor: (energy: string) => `${energy} is enough for 19 of 20 such trips`,
+    enoughFor: (energy: string) => `${energy} is enough for 95 of 100 such trips`,
     half: (energies: string) => `${energies} in half of such trips`,
     about: (soc: string) => `about ${soc}`,
     charge: "Charge to leave with",
@@ -404,15 +406,15 @@ export const en = {
     probably: (soc: string, distance: string) => `${soc} will probably be enough for ${distance}`,
     notEnough: (soc: string, distance: string) => `${soc} is not enough for ${distance}`,
     moreThanFull: "more than 100\u00a0%",
-    leaves: (left: string) => `19 of 20 such trips arrive with ${left} or more`,
-    lacking: (to: string) => `Charge to ${to}: then 19 of 20 such trips arrive with the reserve`,
+    leaves: (left: string) => `95 of 100 such trips arrive with ${left} or more`,
+    lacking: (to: string) => `Charge to ${to}: then 95 of 100 such trips arrive with the reserve`,
     full: "Even a full battery is not safe for this. Charge on the way (also at the destination), drive slower, or plan the road from A to B: a known road gives a more certain answer.",
     howFar: (soc: string, reserve: string) => `How far you get from ${soc} down to ${reserve}`,
     byKind: "Range by kind of road",
     range: "Expected",
     interval: "Half of all trips",
-    cautious: "19 of 20, at least",
-    atLeast: (far: string) => `19 of 20 times at least ${far}`,
+    cautious: "95 of 100, at least",
+    atLeast: (far: string) => `in 95 of 100 trips at least ${far}`,
     doubt: (car: string, road: string, weather: string, day: string) =>
       `The uncertainty comes from the car (${car}), the road (${road}), the weather (${weather}) and the day (${day}).`,
     narrows: (what: string, by: string) => `${what} would reduce it most, by up to ${by}.`,

@@ -205,11 +205,9 @@ function MapCanvas({
     const pins = untracked(() => fieldsOfJourney().map(placeOf)); // names do not follow a pin that is dragged
     made.value?.setData(
       "settlements",
-      settlements.map(({ name, kind, longitude_deg, latitude_deg }, rank) => {
-        const pinned = pins.some(
-          (pin) => pin?.latitude_deg === latitude_deg && pin.longitude_deg === longitude_deg,
-        );
-        return pointOf([longitude_deg, latitude_deg], { name, kind, rank, pinned });
+      settlements.map((one, rank) => {
+        const pinned = pins.some((pin) => pin && isSame(pin, one));
+        return pointOf([one.longitude_deg, one.latitude_deg], { ...one, rank, pinned });
       }),
     );
   });

@@ -320,19 +320,21 @@ function reachOf(way: Forecast) {
   return [chanceInFigures(chanceAtAll(way)), bandText(arrivalBand(way))] as const;
 }
 
-/** How likely a driver gets to a station slowly, without heating and air conditioning; nothing where hardly anybody does. */
-function Gently({ to, as: Tag }: { to: Station; as: "li" | typeof Fragment }) {
+/** How likely a driver gets to a station slowly, without heating and air conditioning; said where many do. */
+function useGently(to: Station | false | undefined) {
   const at: Conditions = { ...conditions.value, climate: "off" };
   const ask = async () => {
+    if (!to) return null;
     const { links, elevation } = (await wayTo(placeOfStation(to, ""), at)) as Road;
     const slow = atMotorwaySpeed(links, GENTLE_M_S, GENTLE_M_S);
     const way = { ...(trip.value as Trip), links: slow, fixed: { elevation } };
     return requestForecast(forecastRequest(way, at, car.value));
   };
-  const then = useAsked(ask, [JSON.stringify([to, at, car.value, trip.value?.stops?.[0]])]);
-  if (!then || chanceAtAll(then) < OPEN[0]) return null;
+  const way = useAsked(ask, [JSON.stringify([to, at, car.value, trip.value?.stops?.[0]])]);
+  const chance = way ? chanceAtAll(way) : 0;
+  if (!way || chance < OPEN[0]) return { chance: 0 };
   const speed = format.value.shown(GENTLE_M_S, units.value.speed, 0);
-  return <Tag>{text.value.journey.gently(speed, ...reachOf(then))}</Tag>;
+  return { chance, sentence: text.value.journey.gently(speed, ...reachOf(way)) };
 }
 
 /** What to do if a station is occupied; without another one in the plan, the nearest for who arrives with little. */
@@ -356,11 +358,12 @@ function FirstStop({ of, plan }: { of: Stop; plan: ChargingPlan }) {
   const { orCall, reachedAtAll } = text.value.journey;
   const isAway = of.position_m >= HERE_M;
   const reached = isAway && reasonOfJourney() === BELOW && chanceInFigures(of.p_reach);
+  const slow = useGently(isAway && (of.p_reach < 0.5 || plan.p_arrive < OPEN[1]) && of.station);
   return (
     <>
-      {reached && <li>{reachedAtAll(reached, bandText(of.soc_interval))}</li>}
-      {isAway && (of.p_reach < 0.5 || plan.p_arrive < OPEN[1]) && <Gently to={of.station} as="li" />}
-      {Math.max(of.p_reach, plan.p_arrive) < OPEN[1] && <li>{orCall}</li>}
+      {slow.sentence && <li>{slow.sentence}</li>}
+      {reached && <li>{reachedAtAll(reached, bandText(of.soc_interval), slow.chance > 0)}</li>}
+      {Math.max(of.p_reach, plan.p_arrive, slow.chance) < OPEN[1] && <li>{orCall}</li>}
       <Occupied of={of} />
     </>
   );
@@ -374,6 +377,7 @@ function Halts({ plan }: { plan: ChargingPlan | null }) {
         {"station" in one ? <StopText of={one} fromM={halts.value[k - 1]?.position_m ?? 0} /> : turnText(one)}
       </li>
       {plan && one === plan.stops[0] && <FirstStop of={one} plan={plan} />}
+      {"station" in one && one.pause_s > 0 && one !== plan?.stops[0] && <li>{occupiedText(one)}</li>}
     </Fragment>
   ));
 }
@@ -397,6 +401,7 @@ function NoStop({ of, from }: { of: Trip; from: Place }) {
   const isHere = nearest !== null && nearest.farM < HEREABOUTS_M;
   const way = isHere ? undefined : nearest?.way;
   const { journey: words } = text.value;
+  const slow = useGently(way && chanceAtAll(way.forecast) < OPEN[1] && nearest?.of);
   const reached = way && words.reachedAtAll(...reachOf(way.forecast));
   return (
     <>
@@ -405,7 +410,7 @@ function NoStop({ of, from }: { of: Trip; from: Place }) {
         <>
           {isHere ? words.stationHere : words.nearest} <StationLink of={nearest.of} />
           {isHere ? words.chargeThere : words.away(farText(way?.distance_m ?? nearest.farM), !!way)} {reached}{" "}
-          {way && chanceAtAll(way.forecast) < OPEN[1] && <Gently to={nearest.of} as={Fragment} />}
+          {slow.sentence}
         </>
       )}
     </>
@@ -445,7 +450,7 @@ function ChargedFirst({ of, plan, needed }: { of: Trip; plan: ChargingPlan; need
 /** What to do. */
 function ToDo({ of }: { of: Forecast }) {
   const isJourney = !!trip.value?.stops;
-  const { soc_needed: ofFirst, motorway_speed_m_s: speed = null } = journey.value ?? {};
+  const { soc_needed: ofFirst, motorway_speed_m_s: speed } = (isJourney && journey.value) || {};
   // what the service says of the charge is about the first road
   const needed = isJourney ? (chosenRoad.value === 0 ? ofFirst : undefined) : leaving.value?.soc_needed;
   const withStops = (isJourney && chosenRoad.value === 0 && journey.value?.soc_needed_with_stops) || 2;
@@ -460,10 +465,7 @@ function ToDo({ of }: { of: Forecast }) {
     isStuck.value && isLow.value && ((needed ?? 2) > 1 || stopsHelp) && words.callHelp,
     leaves && (stopsHelp ? words.leaveWithout(upwards(needed)) : leaveText(needed, of)),
     isStuck.value && trip.value?.stops?.[0] && <NoStop of={trip.value} from={trip.value.stops[0]} />,
-    needed !== undefined &&
-      isJourney &&
-      !!speed &&
-      words.atMost(format.value.shown(speed, units.value.speed, 0)),
+    needed !== undefined && !!speed && words.atMost(format.value.shown(speed, units.value.speed, 0)),
   ];
   const moreWh = (withStops - (of.series.displayed_soc[0] as number)) * of.wh_per_display;
   const more = format.value.shown(moreWh, ENERGY, 1);

@@ -3,6 +3,7 @@
 import type { Station, Stop } from "../api/documents";
 import { hundredthsOf } from "../model/arrival";
 import { daysBetween } from "../model/clock";
+import { fits } from "../model/stations";
 import { HOURS, PERCENT, POWER, type Quantity } from "../model/units";
 import { format, text, units } from "../state/preferences";
 import { clock, type Turn } from "../state/answer";
@@ -56,10 +57,13 @@ export function stationName({ name }: Station): string {
 }
 
 /** Plug and power of a charging station, as far as they are known. */
-export function chargerParts({ plug, power_w, power_known }: Station): string[] {
+export function chargerParts(of: Station): string[] {
   const names: Record<string, string> = text.value.journey.plugs;
-  const assumed = power_known ? "" : ` (${text.value.map.assumed})`;
-  return [names[plug] ?? "", power_w > 0 ? format.value.shown(power_w, POWER) + assumed : ""].filter(Boolean);
+  const { assumed, noPlug } = text.value.map;
+  const power =
+    of.power_w > 0 && format.value.shown(of.power_w, POWER) + (of.power_known ? "" : ` (${assumed})`);
+  const isUsable = fits(of, journey.value?.plugs ?? []);
+  return [names[of.plug] ?? "", power || "", isUsable ? "" : noPlug].filter(Boolean);
 }
 
 /** A 90 % interval of a charge; only its upper end where the battery may be empty before, and nothing where it is. */
