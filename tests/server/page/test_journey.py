@@ -256,7 +256,7 @@ def test_the_area_of_reach_is_fitted_into_view_and_follows_the_charge(page: Any)
     asked = found.value.request.post_data_json
     assert asked["start"]["name"] == "Westend"
     assert [area["probability"] for area in found.value.json()["areas"]] == [0.95, 0.5]
-    page.get_by_text("dashed line: in 10 of 20").wait_for()
+    page.get_by_text("dashed line: in 50 of 100").wait_for()
     rings = [ring for area in found.value.json()["areas"] for ring in area["polygon"]["coordinates"]]
     (west, south), (east, north) = (limit(np.concatenate(rings), axis=0) for limit in (np.min, np.max))
     page.wait_for_timeout(SETTLE_MS)
@@ -269,7 +269,7 @@ def test_the_area_of_reach_is_fitted_into_view_and_follows_the_charge(page: Any)
         page.get_by_role("slider", name="Battery at departure", exact=True).press("Home")
     assert again.value.request.post_data_json["soc"] == pytest.approx(0.0)
     box.uncheck()
-    page.get_by_text("dashed line: in 10 of 20").wait_for(state="detached")
+    page.get_by_text("dashed line: in 50 of 100").wait_for(state="detached")
     page.unroute("**/v1/reachable")
 
 
@@ -488,7 +488,7 @@ def test_who_charges_at_the_start_drives_nowhere_first_and_a_doubtful_charge_is_
     assert "You get there" not in page.locator(".todo:not(.old)").inner_text()
     away = 900.0
     whole_answer(page, lambda: page.get_by_role("slider", name="Battery at departure").fill("7"))
-    there = page.locator(".todo:not(.old) li", has_text="You get there in 98 of 100 trips, with 11 to 15")
+    there = page.locator(".todo:not(.old) li", has_text="you get there in 98 of 100 trips, with 11 to 15")
     there.wait_for()
     assert "you arrive there" not in page.locator(".stops").inner_text()  # once is enough
     assert "needed only if" not in page.locator(".stops").inner_text()  # less than the charge there can be
@@ -499,7 +499,7 @@ def test_who_charges_at_the_start_drives_nowhere_first_and_a_doubtful_charge_is_
         lambda sent: '"climate":"off"' in (sent.post_data or "") and "links" in sent.post_data
     ) as asked:
         whole_answer(page, lambda: page.get_by_role("slider", name="Battery at departure").fill("6"))
-        page.locator(".todo:not(.old) li", has_text="At most 60\u00a0km/h, with heating and").wait_for()
+        page.locator(".todo:not(.old) li", has_text="Drive at most 60\u00a0km/h, with heating and").wait_for()
     sent = asked.value.post_data_json  # the way to the station
     assert all(3.6 * link["length_m"] < 60.1 * link["travel_time_s"] for link in sent["links"])
     page.unroute("**/v1/journeys")
@@ -584,9 +584,9 @@ def test_the_figures_of_a_way_back_are_those_of_its_end(page: Any, expected: lis
         "Do not drive straight there with [0-9]+ %: you would arrive with [0-9]+ %, with the", now
     )
     assert re.match("Drive straight there and charge in the pause only: .* less on the way.", better)
-    assert [words.split(" ")[0] for words in told[:5]] == ["Drive", "If", "At", "Charge", "Drive"]
+    assert [words.split(" ")[0] for words in told[:6]] == ["Drive", "If", "At", "Charge", "If", "Drive"]
     assert "with 55 %. Pause of 8 h; start back" in told[2]  # before the car charges in the pause
-    assert " in the pause (14 % is enough), from 13 % to 45 %" in told[3]
+    assert " in the pause (14 % is enough for the rest), from 13 % to 45 %" in told[3]
     assert page.locator(".stops > li").count() == 4
     assert page.locator(".stops > li").nth(1).inner_text().startswith("At Ostheim")
     page.unroute("**/v1/journeys")
@@ -632,7 +632,7 @@ def test_who_reaches_no_station_is_told_not_to_set_out_and_then_what_to_do(
     told = (
         "With this charge, no charging stop was .* charging station is Nah, 7.[0-9] km by road. "
         "You get there in (fewer than )?[0-9]+ of 100 trips(, with [0-9]+( to [0-9]+)? %( or less)?)?."
-        "( At most 60 km/h, with heating .*)?"
+        "( Drive at most 60 km/h, with heating .*)?"
     )
     assert re.fullmatch(told, todo[1].strip()), todo[1]
     with_stops = 0.221
