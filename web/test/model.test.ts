@@ -8,7 +8,7 @@ import interpolation from "../../tests/vectors/interpolation.json";
 import planned from "../../tests/vectors/links.json";
 import trace from "../../tests/vectors/profile.json";
 import units from "../../tests/vectors/units.json";
-import type { Forecast } from "../src/api/documents";
+import type { ChargingPlan, Forecast, Link, Stop } from "../src/api/documents";
 import {
   arrivalBand,
   chanceOf,
@@ -28,8 +28,8 @@ import { atMotorwaySpeed, hasMotorway } from "../src/model/links";
 import { climbsOf, profileFromSamples, withElevationOf } from "../src/model/profile";
 import { ROADS } from "../generated/roads";
 import { linksOfDistance, KINDS, type RoadType, sharesOver, sufficing } from "../src/model/distance";
-import type { Link } from "../src/api/documents";
-import { EMPTY_ROW, linksOfRows, SAMPLE_ROWS, SAMPLE_START_M } from "../src/model/link-rows";
+import { linksOf, SAMPLE } from "../src/model/sections";
+import { slowed, type Ways } from "../src/model/slow-way";
 import { ENERGY, PERCENT, type System, type Units, systemOf, unitsOf } from "../src/model/units";
 import { allNear, near } from "./near";
 
@@ -237,7 +237,7 @@ test("another speed on the motorway alone", () => {
 });
 
 test("the sample of links has a motorway and is joined up", () => {
-  const links = linksOfRows(SAMPLE_ROWS, SAMPLE_START_M) as unknown as Link[];
+  const links = linksOf(SAMPLE, unitsOf("metric")) as unknown as Link[];
   assert.ok(hasMotorway(links));
   assert.deepEqual([links[0]?.start_elevation_m, links.at(-1)?.end_elevation_m], [510, 490]);
   for (const [k, link] of links.slice(1).entries()) {
@@ -281,42 +281,87 @@ describe("a trip by distance and kind of road", () => {
   });
 });
 
-describe("links as rows of a table", () => {
-  const row = (lengthM: number | null, speedMS: number | null, heightM: number | null = null) => ({
-    lengthM,
-    speedMS,
-    heightM,
+describe("sections of a road that are typed", () => {
+  const read = (typed: string) => linksOf(typed, unitsOf("metric"));
+
+  test("a slow one may have a stop, a fast one has none", () => {
+    assert.deepEqual(read("0.5 36\n0.9; 90\n\n1,5 72"), [
+      { length_m: 500, speed_m_s: 10 },
+      { length_m: 900, speed_m_s: 25, stop_s: 0 },
+      { length_m: 1500, speed_m_s: 20, stop_s: 0 },
+    ]);
+    assert.deepEqual(read("1, 36, 20"), [{ ...read("1 36")[0], start_elevation_m: 20, end_elevation_m: 20 }]);
   });
 
-  test("a slow link may have a stop, a fast one has none", () => {
-    assert.deepEqual(linksOfRows([row(500, 14.9), row(900, 15)], null), [
-      { length_m: 500, speed_m_s: 14.9 },
-      { length_m: 900, speed_m_s: 15, stop_s: 0 },
-    ]);
-  });
-
-  test("empty rows are left out, a missing value is not", () => {
-    assert.deepEqual(linksOfRows([EMPTY_ROW, row(null, 9), row(7, null)], null), [
-      { length_m: null, speed_m_s: 9 },
-      { length_m: 7, speed_m_s: null },
-    ]);
+  test("what is missing is left to the service to name", () => {
+    assert.deepEqual(JSON.parse(JSON.stringify(read("x 36 5")))[0].length_m, null);
+    assert.deepEqual(read(""), []);
   });
 
   test("an end without a height is level", () => {
-    const heights = (rows: ReturnType<typeof row>[], startM: number | null) =>
-      linksOfRows(rows, startM).map(({ start_elevation_m, end_elevation_m }) => [
-        start_elevation_m,
-        end_elevation_m,
-      ]);
-    assert.deepEqual(heights([row(1, 1), row(1, 1, 20), row(1, 1)], 5), [
+    const heights = (typed: string) =>
+      read(typed).map(({ start_elevation_m, end_elevation_m }) => [start_elevation_m, end_elevation_m]);
+    assert.deepEqual(heights("5\n1 36\n1 36 20\n1 36"), [
       [5, 5],
       [5, 20],
       [20, 20],
     ]);
-    assert.deepEqual(heights([row(1, 1), row(1, 1, 20)], null), [
+    assert.deepEqual(heights("1 36\n1 36 20"), [
       [20, 20],
       [20, 20],
     ]);
-    assert.deepEqual(heights([row(1, 1)], 0), [[0, 0]]);
+    assert.deepEqual(heights("0\n1 36"), [[0, 0]]);
+  });
+});
+
+describe("a plan whose first stop is reached slowly", () => {
+  const series = (soc: number[], time_s: number[]) => ({
+    distance_m: [0, 1000],
+    time_s,
+    displayed_soc: soc,
+    displayed_soc_low: soc.map((one) => one - 0.01),
+    displayed_soc_high: soc.map((one) => one + 0.01),
+  });
+  const wayOf = (energy_wh: number, soc: number, s: number, chance: number) => ({
+    energy_wh,
+    soc_arrival: soc,
+    by_cause_wh: { climate: energy_wh - 900, rolling: 900 },
+    p_arrive_by_soc: { "0": chance },
+    series: series([0.1, soc], [0, s]),
+  });
+  const ways = { usual: wayOf(1400, 0.02, 60, 0.8), slow: wayOf(1000, 0.04, 90, 0.98) } as unknown as Ways;
+  const stop = { position_m: 1000, soc_arrival: 0.02, p_reach: 0.8, energy_wh: 5000, arrives_after_s: 60 };
+  const plan = {
+    p_arrive: 0.78,
+    p_reserve: 0.76,
+    energy_wh: 3000,
+    by_cause_wh: { climate: 1000, rolling: 2000 },
+    driving_s: 200,
+    stops: [stop, { ...stop, position_m: 2000, arrives_after_s: 500 }],
+    course: {
+      position_m: [0, 500, 1000, 1000, 2000],
+      time_s: [0, 30, 60, 400, 540],
+      displayed_soc: [0.1, 0.06, 0.02, 0.5, 0.4],
+      low: [0.1, 0.05, 0, 0.5, 0.3],
+      high: [0.1, 0.07, 0.04, 0.5, 0.5],
+    },
+  } as unknown as ChargingPlan;
+
+  test("has the chance, the charge and the time of the slow way, and what it saves is charged less", () => {
+    const slow = slowed(plan, ways);
+    near(slow.p_arrive, (0.78 * 0.98) / 0.8);
+    near(slow.p_reserve, (0.76 * 0.98) / 0.8);
+    const { soc_arrival, p_reach, energy_wh, arrives_after_s } = slow.stops[0] as Stop;
+    assert.deepEqual([soc_arrival, p_reach, energy_wh, arrives_after_s], [0.04, 0.98, 4600, 90]);
+    assert.equal(slow.stops[1]?.arrives_after_s, 530);
+    assert.deepEqual([slow.energy_wh, slow.driving_s], [2600, 230]);
+    assert.deepEqual(slow.by_cause_wh, { climate: 600, rolling: 2000 });
+  });
+
+  test("has the course of the slow way before the stop, and that of the plan from there on", () => {
+    const { time_s, displayed_soc, low } = slowed(plan, ways).course;
+    allNear(time_s, [0, 45, 90, 430, 570]);
+    allNear(displayed_soc, [0.1, 0.07, 0.04, 0.5, 0.4]);
+    allNear(low, [0.09, 0.06, 0.03, 0.5, 0.3]);
   });
 });

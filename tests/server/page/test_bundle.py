@@ -89,7 +89,7 @@ def test_the_map_is_no_part_of_the_first_visit() -> None:
     code = "".join(parts)
     assert (
         len(re.findall(r"import\(", code)) == 6
-    )  # the two parts of the map, and of a language; the own cars; the table of links
+    )  # the two parts of the map, and of a language; the own cars; the sections of a road
     assert "Sie kommen an" not in code
     imported = [name for part in parts for name in re.findall(r'from"\./([^"]+)"', part)]
     assert {*imported} == {*preloaded}, "no part waits for another one"

@@ -230,20 +230,15 @@ def test_uploads_are_planned_or_driven_by_what_they_hold_and_their_faults_are_sh
 def test_sections_are_typed_or_pasted_a_wrong_one_is_named_and_unknown_heights_count(look: Look) -> None:
     page = look(expect="422")
     mode(page, "Road sections")
-    page.get_by_label("Elevation at the start").fill("500")
-    for row, (kilometres, speed) in enumerate([("1.5", "30"), ("12", "80.5")], start=1):
-        page.get_by_label(f"Length of section {row}").fill(kilometres)
-        page.get_by_label(f"Speed on section {row}").fill(speed)
-    page.get_by_label("Elevation at the end of section 2").fill("620")
-    page.get_by_role("button", name="Remove section 3").click()
+    typed = page.get_by_role("textbox", name="Sections, one a line")
+    typed.fill("500\n1.5 30\n12; 80.5; 620")
     use = page.get_by_role("button", name="Use these sections")
     sent, _ = asked(page, "/v1/forecast", use.click)
     assert [link["length_m"] for link in sent["links"]] == [1500.0, 12000.0]
     assert sent["links"][1]["travel_time_s"] == pytest.approx(12000.0 * 3.6 / 80.5)
     assert sent["elevation"]["elevation_m"][-1] == 620.0
-    page.get_by_text("Paste JSON").click()
-    page.get_by_role("textbox").fill('[{"length_m": -5, "speed_m_s": 10}, {"length_m": 500}]')
-    page.get_by_role("button", name="Read the JSON").click()
+    typed.fill('[{"length_m": -5, "speed_m_s": 10}, {"length_m": 500}]')
+    use.click()
     page.locator(".trip .faults li").nth(1).wait_for()
     second, first = page.locator(".trip .faults li").all_inner_texts()
     assert "link 1, length_m" in first
@@ -251,8 +246,8 @@ def test_sections_are_typed_or_pasted_a_wrong_one_is_named_and_unknown_heights_c
     assert "travel_time_s" in second
     # without heights, the chances decide
     sections = json.dumps([{"length_m": 1000.0, "speed_m_s": 16.0}] * 20)
-    page.get_by_role("textbox").last.fill(sections)
-    asked(page, "/v1/forecast", page.get_by_role("button", name="Read the JSON").click)
+    typed.fill(sections)
+    asked(page, "/v1/forecast", use.click)
     half = slider(page, "Battery at departure")
     answer = answered(page, lambda: half.fill("35"), soc=0.35)
     assert answer["climb"]["terrain"] == "unknown"

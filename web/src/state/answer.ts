@@ -1,24 +1,19 @@
 /** What is shown of the trip as a whole: of its road, or of its plan with charging stops. */
 
 import { computed, effect, signal } from "@preact/signals";
-import type { ChargingPlan, Course, Stop } from "../api/documents";
+import type { Course, Stop } from "../api/documents";
 import { type Answer, answerOf, answerWithStops, decisiveChance, riskyStop } from "../model/answer";
 import { verdictOf } from "../model/arrival";
 import { interpolate } from "../model/interpolate";
 import { distanceNear, type Point, positionNear } from "../model/road";
 import { HERE_M, isSame } from "../model/stations";
+import { chargingPlan, ways } from "./charging";
 import { conditions } from "./conditions";
 import { driving, shownForecast } from "./drive";
-import { forecastIsOld, mode, problem, requested } from "./forecast";
-import { answersAreOld, chargingPlans, chosenCharging, chosenRoad, isOfForm, journey, map } from "./journey";
+import { forecastIsOld, problem, requested } from "./forecast";
+import { answersAreOld, chosenRoad, isOfForm, journey, map } from "./journey";
 import { needIsOld } from "./need";
 import { trip } from "./trip";
-
-/** The plan with charging stops that is shown: of a journey whose road needs one. */
-export const chargingPlan = computed((): ChargingPlan | null => {
-  if (!trip.value?.stops || mode.value !== "plan") return null;
-  return chargingPlans.value[chosenCharging.value] ?? chargingPlans.value[0] ?? null;
-});
 
 /** Whether the plan begins with charging where the journey begins. */
 export const chargesHere = computed(() => (chargingPlan.value?.stops[0]?.position_m ?? HERE_M) < HERE_M);
@@ -45,9 +40,10 @@ export const answer = computed((): Answer | null => {
 /** Whether what is shown is of other places than those that are written in the form, and not planned yet. */
 export const isOfOtherPlaces = computed(() => !isOfForm.value && !trip.value?.isDraft);
 
-/** Whether charging stops are still being looked for, on a road that needs one. */
+/** Whether charging stops, or a slow way to one, are still being looked for. */
 export const isLookingForStops = computed(() => {
   const now = answer.value;
+  if (ways.value === undefined) return true;
   if (!now || chargingPlan.value || !trip.value?.stops || !answersAreOld.value) return false;
   if (problem.value || !isOfForm.value || map.value?.stations === 0) return false;
   return !trip.value.isDraft && verdictOf(decisiveChance(now)) !== "good";

@@ -1,7 +1,7 @@
 /** The position along the way that all charts show. */
 
 import { computed, effect, signal } from "@preact/signals";
-import { chargingPlan } from "./answer";
+import { chargingPlan } from "./charging";
 import { distanceM, driving, shownProfile } from "./drive";
 import { trip } from "./trip";
 

@@ -93,18 +93,10 @@ const de: Text = {
     assumed: (parts) => `Etwa ${parts}; die Höhen sind unbekannt.`,
   },
   linksForm: {
-    caption: "Straßenabschnitte",
-    start: "Höhe am Start",
-    length: (row) => `Länge von Abschnitt ${row}`,
-    speed: (row) => `Geschwindigkeit auf Abschnitt ${row}`,
-    height: (row) => `Höhe am Ende von Abschnitt ${row}`,
-    remove: (row) => `Abschnitt ${row} entfernen`,
-    add: "Abschnitt hinzufügen",
+    given: (distance, speed, height) =>
+      `Abschnitte, einer je Zeile: Länge in ${distance}, Geschwindigkeit in ${speed}, Höhe am Ende in ${height}. Eine erste Zeile mit nur einer Zahl ist die Höhe am Start. Oder JSON: Abschnitte (Links) oder die Antwort eines Routers.`,
     use: "Diese Abschnitte verwenden",
     example: "Mit einem Beispiel ausprobieren",
-    paste: "JSON einfügen",
-    json: "Abschnitte (Links) oder Antwort eines Routers, als JSON",
-    useJson: "JSON lesen",
   },
   journey: {
     from: "Von",
@@ -153,11 +145,12 @@ const de: Text = {
     callHelp: "Wenn Sie hier nicht laden können, rufen Sie den Pannendienst.",
     atMost: (speed) => `Oder auf der Autobahn höchstens ${speed} und ohne Ladestopp fahren.`,
     unnamedStation: "Ladestation",
-    driveTo: (far) => `${far} bis „`,
+    driveTo: (far, pace) => `${far}${pace && `, höchstens ${pace} und ohne Heizung und Klimaanlage,`} bis „`,
     navigate: "In einer Navigations-App öffnen",
     forThere: (time, arrival, leave, clock, day) =>
       `“ fahren und dort ${time} laden, von ${arrival} auf ${leave}; Ankunft dort${day && ` ${day}`} gegen ${clock}.`,
-    inPause: (time, least) => `${time} in der Pause (${least} reichen für den Rest)`,
+    inPause: (time, least, after) =>
+      `${time} in der Pause (${least}${after && `, nach etwa ${after},`} reichen für den Rest)`,
     withPower: (time, power, reason) => `${time} mit etwa ${power}${reason && ` (${reason})`}`,
     noMore: (isCold) => `mehr nimmt ${isCold ? "die kalte Batterie" : "das Auto"} nicht`,
     chargeHere: (isOnTheWay) => `${isOnTheWay ? "Dort" : "Hier"} laden: an „`,
@@ -180,8 +173,8 @@ const de: Text = {
     here: "Sie sind hier",
     arriveThere: (range) => `Ankunft dort mit ${range}`,
     reached: (chance) => `mit der Reserve bei ${chance}`,
-    reachedAtAll: (chance, range, isUsual) =>
-      `${isUsual ? "Bei üblicher Fahrt kommen Sie" : "Sie kommen"} dort bei ${chance} an${range && `, mit ${range}`}.`,
+    reachedAtAll: (chance, range) => `Sie kommen dort bei ${chance} an${range && `, mit ${range}`}.`,
+    asUsual: (chance, range) => `Bei üblicher Fahrt: bei ${chance}${range && `, mit ${range}`}.`,
     orCall: "Ist Ihnen das zu unsicher, rufen Sie zuerst den Pannendienst.",
     gently: (speed, chance, range) =>
       `Fahren Sie höchstens ${speed}, ohne Heizung und Klimaanlage: So kommen Sie dort bei ${chance} an${range && `, mit ${range}`}.`,
@@ -191,10 +184,12 @@ const de: Text = {
     neededBelow: (soc) => `nur nötig, wenn Sie dort weniger als ${soc} haben`,
     ifFull: (station, arrival, more, chance) =>
       `Falls besetzt: ${station}, erreicht mit ${arrival} (${chance})${more && `, ${more}`}.`,
-    nextOther: (station, far) =>
-      `Falls besetzt: Die nächste andere für dieses Auto ist „${station}“, ${far} auf der Straße.`,
+    nextOther: (station, far, rise) =>
+      `Falls besetzt: Die nächste andere für dieses Auto ist „${station}“, ${far} auf der Straße${rise && `, ${rise}`}.`,
+    lookingForOther: "Falls besetzt: Die nächste andere wird gesucht …",
     noOther: "Falls besetzt, warten Sie: Keine andere nahe Ihrer Route ist in Reichweite.",
-    laterInPause: "Ist sie besetzt, versuchen Sie es später in der Pause.",
+    laterInPause: (least) =>
+      `Ist sie besetzt, versuchen Sie es später in der Pause. Fahren Sie nicht mit weniger als ${least} zurück.`,
     longer: (time) => `${time} länger`,
     more: (figure) => `${figure} mehr`,
     less: (figure) => `${figure} weniger`,
@@ -373,10 +368,11 @@ const de: Text = {
     belowReserve: "Sie kommen an, aber vielleicht unter der Reserve",
     stopBelow: (station, isLikely) =>
       `Sie kommen an, an „${station}“ aber ${isLikely ? "" : "vielleicht "}mit weniger als der Reserve`,
+    slowly: (station) => `Fahren Sie langsam zu „${station}“, dann kommen Sie an`,
     stopMissed: (station) => `Sie erreichen „${station}“ vielleicht nicht`,
     doNotSetOut: (far) => `Fahren Sie nicht los: Der Ladestand reicht etwa ${far}`,
     perhaps: "Sie kommen vielleicht nicht an",
-    leavesBelow: (reserve) => `Sie fahren unter Ihrer Reserve von ${reserve} los. Zahlen für übliche Fahrt.`,
+    leavesBelow: (reserve) => `Sie fahren mit weniger als Ihrer Reserve von ${reserve} los.`,
     not: "Ohne Laden kommen Sie nicht an",
     probablyNot: "Ohne Laden kommen Sie wahrscheinlich nicht an",
     notWithStops: "Auch mit Ladestopps kommen Sie wahrscheinlich nicht an",
@@ -800,9 +796,6 @@ const de: Text = {
       june_to_august: "Juni bis August",
       september_to_november: "September bis November",
     },
-    whereEnergyWent: "Wohin die Energie ging, kWh",
-    moreThanForecast: "Mehr als prognostiziert",
-    lessThanForecast: "Weniger als prognostiziert",
     connect: "Das Auto während der Fahrt Tempo und Ladestand senden lassen",
     connectNote: "Apps für A Better Routeplanner können Live-Daten mit diesem Token an /v1/telemetry senden.",
     makeToken: "Token erzeugen",

@@ -87,18 +87,10 @@ export const en = {
     assumed: (parts: string) => `About ${parts}; the heights are unknown.`,
   },
   linksForm: {
-    caption: "Sections of the road",
-    start: "Elevation at the start",
-    length: (row: number) => `Length of section ${row}`,
-    speed: (row: number) => `Speed on section ${row}`,
-    height: (row: number) => `Elevation at the end of section ${row}`,
-    remove: (row: number) => `Remove section ${row}`,
-    add: "Add a section",
+    given: (distance: string, speed: string, height: string) =>
+      `Sections, one a line: length in ${distance}, speed in ${speed}, elevation at the end in ${height}. A first line of one number is the elevation at the start. Or JSON: links, or the answer of a router.`,
     use: "Use these sections",
     example: "Try with an example",
-    paste: "Paste JSON",
-    json: "Sections (links) or a router response, as JSON",
-    useJson: "Read the JSON",
   },
   journey: {
     from: "From",
@@ -149,11 +141,13 @@ export const en = {
     callHelp: "If you cannot charge here, call roadside assistance.",
     atMost: (speed: string) => `Or drive at most ${speed} on motorways, without a charging stop.`,
     unnamedStation: "Charging station",
-    driveTo: (far: string) => `Drive ${far} to “`,
+    driveTo: (far: string, pace: string) =>
+      `Drive ${far}${pace && `, at most ${pace} and with heating and air conditioning off,`} to “`,
     navigate: "Open in a navigation app",
     forThere: (time: string, arrival: string, leave: string, clock: string, day: string) =>
       `” and charge ${time}, from ${arrival} to ${leave}; you are there${day && ` ${day}`} at about ${clock}.`,
-    inPause: (time: string, least: string) => `${time} in the pause (${least} is enough for the rest)`,
+    inPause: (time: string, least: string, after: string) =>
+      `${time} in the pause (${least}${after && `, after about ${after},`} is enough for the rest)`,
     withPower: (time: string, power: string, reason: string) =>
       `for ${time} with about ${power}${reason && ` (${reason})`}`,
     noMore: (isCold: boolean) => `the ${isCold ? "cold battery" : "car"} takes no more`,
@@ -178,8 +172,9 @@ export const en = {
     here: "you are here",
     arriveThere: (range: string) => `you arrive there with ${range}`,
     reached: (chance: string) => `with the reserve in ${chance}`,
-    reachedAtAll: (chance: string, range: string, isUsual = false) =>
-      `${isUsual ? "Driven as usual, you" : "You"} get there in ${chance}${range && `, with ${range}`}.`,
+    reachedAtAll: (chance: string, range: string) =>
+      `You get there in ${chance}${range && `, with ${range}`}.`,
+    asUsual: (chance: string, range: string) => `Driven as usual: in ${chance}${range && `, with ${range}`}.`,
     orCall: "If that is too uncertain, call roadside assistance first.",
     gently: (speed: string, chance: string, range: string) =>
       `Drive at most ${speed}, with heating and air conditioning off: you get there in ${chance}${range && `, with ${range}`}.`,
@@ -189,10 +184,12 @@ export const en = {
     neededBelow: (soc: string) => `needed only if you have less than ${soc} there`,
     ifFull: (station: string, arrival: string, more: string, chance: string) =>
       `If it is occupied: ${station}, reached with ${arrival} (${chance})${more && `, ${more}`}.`,
-    nextOther: (station: string, far: string) =>
-      `If it is occupied: the nearest other station for this car is “${station}”, ${far} by road.`,
+    nextOther: (station: string, far: string, rise: string) =>
+      `If it is occupied: the nearest other station for this car is “${station}”, ${far} by road${rise && `, ${rise}`}.`,
+    lookingForOther: "If it is occupied: looking for the nearest other station …",
     noOther: "If it is occupied, wait: no other station near your route is in reach.",
-    laterInPause: "If it is occupied, try again later in the pause.",
+    laterInPause: (least: string) =>
+      `If it is occupied, try again later in the pause. Do not start back with less than ${least}.`,
     longer: (time: string) => `${time} longer`,
     more: (figure: string) => `${figure} more`,
     less: (figure: string) => `${figure} less`,
@@ -372,11 +369,11 @@ export const en = {
     belowReserve: "You will arrive, but perhaps below the reserve",
     stopBelow: (station: string, isLikely: boolean) =>
       `You will arrive, but ${isLikely ? "" : "perhaps "}below your reserve at ${station}`,
+    slowly: (station: string) => `Drive slowly to ${station}, and you will arrive`,
     stopMissed: (station: string) => `You may not reach ${station}`,
     doNotSetOut: (far: string) => `Do not set out: the charge lasts about ${far}`,
     perhaps: "You may not arrive",
-    leavesBelow: (reserve: string) =>
-      `You leave below your reserve of ${reserve}. Figures for driving as usual.`,
+    leavesBelow: (reserve: string) => `You leave with less than your reserve of ${reserve}.`,
     not: "You will not arrive without charging",
     probablyNot: "You will probably not arrive without charging",
     notWithStops: "Even with charging stops you will probably not arrive",
@@ -804,9 +801,6 @@ export const en = {
       june_to_august: "June to August",
       september_to_november: "September to November",
     },
-    whereEnergyWent: "Where the energy went, kWh",
-    moreThanForecast: "More than forecast",
-    lessThanForecast: "Less than forecast",
     connect: "Let the car send speed and charge while it drives",
     connectNote: "Apps for A Better Routeplanner can send live data to /v1/telemetry here, with this token.",
     makeToken: "Create a token",

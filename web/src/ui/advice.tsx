@@ -5,6 +5,7 @@ import { verdictOf } from "../model/arrival";
 import { ENERGY, PERCENT } from "../model/units";
 import { advice, adviceIsOld } from "../state/advice";
 import { stopInDoubt } from "../state/answer";
+import { isSlow } from "../state/charging";
 import { source } from "../state/catalogue";
 import { conditions } from "../state/conditions";
 import { chosenCharging, chosenRoad, journey } from "../state/journey";
@@ -109,7 +110,7 @@ function Saving({ of, now }: { of: Advised; now: Whole | null }) {
 export function AdviceCard() {
   const found = advice.value;
   if (!found || source.value === "distance" || found.singly.length === 0) return null;
-  if (stopInDoubt.value) return null; // what helps to get there stands above
+  if (stopInDoubt.value || isSlow.value) return null; // what helps to get there stands above
   const { advice: words } = text.value;
   const wanted = format.value.shown(found.probability, PERCENT);
   const arrivesWithStops = found.whole !== null && found.whole.p_reserve >= found.probability;

@@ -1,7 +1,8 @@
 import { useEffect, useState } from "preact/hooks";
 import { emptyAfterM, likelihoodOf } from "../model/arrival";
 import { PERCENT } from "../model/units";
-import { answer, chargingPlan, isLate, isLookingForStops, stopInDoubt } from "../state/answer";
+import { answer, isLate, isLookingForStops, stopInDoubt } from "../state/answer";
+import { chargingPlan } from "../state/charging";
 import { shownForecast, arrived, playing } from "../state/drive";
 import { problem } from "../state/forecast";
 import { format, text, units } from "../state/preferences";

@@ -2,7 +2,7 @@ import type { Forecast } from "../api/documents";
 import { ArrivalChart } from "../charts/arrival";
 import { chanceAtAll, chanceOf, DOTS } from "../model/arrival";
 import { PERCENT } from "../model/units";
-import { chargingPlan } from "../state/answer";
+import { chargingPlan } from "../state/charging";
 import { source } from "../state/catalogue";
 import { shownForecast, arrived, driving } from "../state/drive";
 import { alternative, requested, mode } from "../state/forecast";

@@ -1,7 +1,8 @@
 import { useEffect, useState } from "preact/hooks";
 import { emptyAfterM } from "../model/arrival";
 import { PERCENT } from "../model/units";
-import { answer, chargingPlan, isLate, isLookingForStops, lowestStop } from "../state/answer";
+import { answer, isLate, isLookingForStops, lowestStop } from "../state/answer";
+import { chargingPlan } from "../state/charging";
 import { source } from "../state/catalogue";
 import { shownForecast } from "../state/drive";
 import { format, text, units } from "../state/preferences";

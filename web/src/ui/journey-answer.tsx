@@ -3,7 +3,8 @@ import { BELOW, verdictOfAnswer } from "../model/answer";
 import { chanceAtAll, verdictOf } from "../model/arrival";
 import { HERE_M } from "../model/stations";
 import { ENERGY, PERCENT } from "../model/units";
-import { chargingPlan, halts, isOfOtherPlaces } from "../state/answer";
+import { halts, isOfOtherPlaces } from "../state/answer";
+import { chargingPlan, isSlow } from "../state/charging";
 import { chooseRoad } from "../state/forecast";
 import { answersAreOld, chargingPlans, chosenCharging, chosenRoad, journey } from "../state/journey";
 import { format, text, units } from "../state/preferences";
@@ -50,7 +51,7 @@ function figuresText(whole: Whole, first: Whole): string[] {
 function Doubt({ whole: { p_arrive, p_reserve } }: { whole: Alternative[1] }) {
   const { chance, journey, result } = text.value;
   const verdict = verdictOfAnswer({ pArrive: p_arrive, pReserve: p_reserve });
-  if (verdict === "good") return <small class="unseen">{chanceInFigures(p_reserve)}</small>;
+  if (verdict === "good") return <small>{chanceInFigures(p_reserve)}</small>;
   const reserve = p_reserve < 0.5 ? journey.below : result.glanceReserve(chanceInFigures(p_reserve));
   const arrives = p_arrive < 0.045 ? journey.doesNotArrive : chance.atAll(chanceInFigures(p_arrive));
   return <small class={`chance-${verdict}`}>{verdict === "open" ? reserve : arrives}</small>;
@@ -94,9 +95,9 @@ function Ways({ label, all, chosen, onChoose }: WaysProps) {
 }
 
 /** What to do if a station is occupied. */
-export function occupiedText({ if_full: full, pause_s }: Stop): string {
+export function occupiedText({ if_full: full, needed_below, pause_s }: Stop): string {
   const { journey: words } = text.value;
-  if (!full && pause_s > 0) return words.laterInPause;
+  if (!full && pause_s > 0) return words.laterInPause(upwards(needed_below));
   const { duration, shown } = format.value;
   if (!full) return words.noOther;
   return words.ifFull(
@@ -153,7 +154,7 @@ export function JourneyAnswer() {
     const p_arrive = charging?.p_arrive ?? chanceAtAll(forecast);
     return [labelOf(of, k), { ...whole, p_arrive }, charging?.course.position_m.at(-1) ?? distance_m];
   });
-  const roads = of.roads.length > 1 && (
+  const roads = of.roads.length > 1 && !isSlow.value && (
     <Ways label={words.roads} all={allRoads} chosen={chosenRoad.value} onChoose={chooseRoad} />
   );
   const allPlans = plans.map((one): Alternative => {

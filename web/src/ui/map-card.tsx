@@ -20,7 +20,7 @@ import {
 } from "../model/road";
 import { isPreferred, isSame, STATION_KIND, type StationChoice } from "../model/stations";
 import { beginAt, move, source } from "../state/catalogue";
-import { chargingPlan } from "../state/answer";
+import { chargingPlan } from "../state/charging";
 import { chooseRoad } from "../state/forecast";
 import {
   answersAreOld,
@@ -122,6 +122,7 @@ function MapCanvas({
 }) {
   const box = useRef<HTMLDivElement>(null);
   const made = useSignal<RoadMap | null>(null);
+  const seen = useRef<string[]>([]);
   useEffect(() => {
     let isGone = false;
     let created: RoadMap | null = null;
@@ -215,6 +216,13 @@ function MapCanvas({
     const stops = (chargingPlan.value?.stops ?? []).map(({ station }) => station);
     made.value?.setStops(stops.map(({ longitude_deg, latitude_deg }) => [longitude_deg, latitude_deg]));
     made.value?.setData("stations", stationFeatures(view.value?.stations ?? [], stops, choice.value));
+  });
+  useSignalEffect(() => {
+    const stops = (chargingPlan.value?.stops ?? []).map(
+      ({ station }) => `${station.latitude_deg} ${station.longitude_deg}`,
+    );
+    if (stops.some((stop) => !seen.current.includes(stop))) wantsFit.value = true; // they may be out of view
+    seen.current = stops;
   });
   useSignalEffect(() => {
     const now = shownJourney();

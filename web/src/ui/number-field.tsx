@@ -8,8 +8,6 @@ interface Props {
   quantity: Quantity;
   /** Digits after the decimal sign. */
   digits?: number;
-  /** Whether the label is for assistive tools only, as in a table whose head has it. */
-  isInTable?: boolean;
   /** What is wrong with what was typed; empty for nothing. */
   fault?: string;
   onChange: (si: number | null) => void;
@@ -21,21 +19,11 @@ export function typedText(si: number | null, quantity: Quantity, digits: number)
 }
 
 /** A number with its unit. */
-export function NumberField({
-  label,
-  value,
-  quantity,
-  digits = 0,
-  isInTable = false,
-  fault = "",
-  onChange,
-}: Props) {
+export function NumberField({ label, value, quantity, digits = 0, fault = "", onChange }: Props) {
   const id = useId();
   return (
     <>
-      <label for={id} class={isInTable ? "unseen" : ""}>
-        {label}
-      </label>
+      <label for={id}>{label}</label>
       <span class="with-unit">
         <input
           id={id}
@@ -49,7 +37,7 @@ export function NumberField({
             onChange(Number.isFinite(typed) ? quantity.to(typed) : null)
           }
         />
-        {!isInTable && <span>{`\u00a0${quantity.unit}`}</span>}
+        <span>{`\u00a0${quantity.unit}`}</span>
       </span>
       {fault && (
         <p id={`${id}-fault`} class="faults" role="alert">

@@ -180,38 +180,6 @@ function Seasons({ of }: { of: OwnCar }) {
   );
 }
 
-/** Energy of all trips by cause. */
-function Causes({ of }: { of: OwnCar }) {
-  const { ownCars: words, causes } = text.value;
-  const rows = Object.entries(of.by_cause_wh).sort(([, a], [, b]) => b - a);
-  const magnitude = (name: string, wh: number) => (name === "not_forecast" ? Math.abs(wh) : wh);
-  const less = (of.by_cause_wh.not_forecast ?? 0) < 0;
-  const names: Record<string, string> = {
-    ...causes.names,
-    not_forecast: less ? words.lessThanForecast : words.moreThanForecast,
-  };
-  const total = rows.reduce((sum, [, wh]) => sum + wh, 0);
-  if (total <= 0) return null;
-  const largest = Math.max(...rows.map(([, wh]) => Math.abs(wh)));
-  return (
-    <table class="by-cause">
-      <caption>{words.whereEnergyWent}</caption>
-      <tbody>
-        {rows.map(([name, wh]) => (
-          <tr key={name}>
-            <th scope="row">{names[name] ?? name}</th>
-            <td class="picture" aria-hidden="true">
-              <span class={wh < 0 ? "less" : ""} style={{ width: `${(100 * Math.abs(wh)) / largest}%` }} />
-            </td>
-            <td class="value">{format.value.figure(ENERGY.from(magnitude(name, wh)), 1)}</td>
-            <td class="value">{percent(magnitude(name, wh) / total, 0)}</td>
-          </tr>
-        ))}
-      </tbody>
-    </table>
-  );
-}
-
 /** Errors as a line, from none at the bottom. */
 function Line({ of: { course } }: { of: Trend }) {
   const most = Math.max(...course) || 1;
@@ -328,7 +296,6 @@ export function OwnCarDiary({ of }: { of: OwnCar }) {
           </p>
           <Trips of={of} />
           <Seasons of={of} />
-          <Causes of={of} />
         </>
       )}
     </section>

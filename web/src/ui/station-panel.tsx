@@ -3,7 +3,7 @@
 import type { Place, Station } from "../api/documents";
 import { isPreferred, isSame, networkOf, placeOfStation } from "../model/stations";
 import { POWER } from "../model/units";
-import { chargingPlan } from "../state/answer";
+import { chargingPlan } from "../state/charging";
 import { choose, passBy, stopAt } from "../state/catalogue";
 import { choice, placesOfJourney, vias } from "../state/journey";
 import { format, text } from "../state/preferences";

@@ -2,8 +2,7 @@
 
 import { computed } from "@preact/signals";
 import { Fragment } from "preact";
-import { requestForecast } from "../api/client";
-import type { ChargingPlan, Forecast, Place, Road, Station, Stop } from "../api/documents";
+import type { ChargingPlan, Forecast, Place, Station, Stop } from "../api/documents";
 import { type Answer, BELOW, decisiveChance, verdictOfAnswer } from "../model/answer";
 import {
   arrivalBand,
@@ -15,16 +14,15 @@ import {
 } from "../model/arrival";
 import { isBetter } from "../model/diary";
 import { warningsOf } from "../model/flags";
-import { atMotorwaySpeed } from "../model/links";
+import type { Ways } from "../model/slow-way";
 import { HERE_M, isSame, placeOfStation, STATION_KIND } from "../model/stations";
 import { ENERGY, PERCENT } from "../model/units";
 import { source } from "../state/catalogue";
 import { car } from "../state/car";
-import { type Conditions, conditions } from "../state/conditions";
+import { conditions } from "../state/conditions";
 import {
   answer,
   chargesHere,
-  chargingPlan,
   clock,
   halts,
   isLate,
@@ -34,6 +32,7 @@ import {
   stopInDoubt,
   turn,
 } from "../state/answer";
+import { chargingPlan, GENTLE_M_S, isSlow, usualPlan, ways, waysTo, wayTo } from "../state/charging";
 import { arrived, driving, shownForecast } from "../state/drive";
 import { alternative, leaving, leavingIsOld, mode, problem, requested } from "../state/forecast";
 import {
@@ -47,7 +46,7 @@ import {
 } from "../state/journey";
 import { ownCars } from "../state/own-cars";
 import { format, text, units, wording } from "../state/preferences";
-import { forecastRequest, journeyRequest, type Trip, trip } from "../state/trip";
+import { journeyRequest, type Trip, trip } from "../state/trip";
 import { Chance } from "./chance";
 import { Climb } from "./climb";
 import { CompareLine } from "./compare";
@@ -67,8 +66,10 @@ import {
   rangeWithUnit,
   SHOWN_SOC,
   stationName,
+  riseText,
   turnText,
   upwards,
+  upwardsSoc,
 } from "./wording";
 
 /** Chances between these are an open question. */
@@ -94,9 +95,6 @@ const HEREABOUTS_M = 1000;
 /** Less charge to leave with is told from this on. */
 const FEW_SOC = 0.05;
 
-/** A slow speed on a road, of a driver who may not get to a station [m/s]. */
-const GENTLE_M_S = 60 / 3.6;
-
 /** The reason of a verdict that would be good if the heights of the road were known. */
 const HEIGHTS = "unknown_heights";
 
@@ -105,10 +103,11 @@ function reasonOfJourney(): string | undefined {
   return mode.value === "plan" && trip.value?.stops ? journey.value?.verdict.reason : undefined;
 }
 
-/** The verdict as it is coloured: no road of unknown heights is green. */
+/** The verdict as it is coloured: no road of unknown heights is green, and none that has to be driven slowly. */
 function shownVerdict(now: Answer): Verdict {
   const verdict = verdictOfAnswer(now);
-  return verdict === "good" && reasonOfJourney() === HEIGHTS ? "open" : verdict;
+  const isOpen = reasonOfJourney() === HEIGHTS || isSlow.value;
+  return verdict === "good" && isOpen ? "open" : verdict;
 }
 
 /** The answer in a sentence. */
@@ -127,6 +126,7 @@ function sentence(now: Answer): string {
   if (shownVerdict(now) === "good") return (isRound ? words.arrivesBack : words.arrives) + stops;
   const probably = (isRound ? words.probablyBack : words.probably) + stops;
   if (reasonOfJourney() === HEIGHTS) return probably;
+  if (first && isSlow.value && now.pArrive >= OPEN[1]) return words.slowly(stationName(first.station));
   const stop = stopInDoubt.value;
   if (stop && now.pArrive >= 0.5) {
     const name = stationName(stop.station);
@@ -281,6 +281,11 @@ function farText(farM: number): string {
   return format.value.shown(farM, units.value.distance, farM < NEAR_M ? 1 : 0);
 }
 
+/** A slow speed. */
+function slowText(): string {
+  return format.value.shown(GENTLE_M_S, units.value.speed, 0);
+}
+
 /** The name of a station, for an app that leads there. */
 function StationLink({ of }: { of: Station }) {
   const at = `geo:${of.latitude_deg},${of.longitude_deg}`;
@@ -299,20 +304,14 @@ function StopText({ of, fromM }: { of: Stop; fromM: number }) {
   const time = chargingText(of);
   const [arrival = "", leave = ""] = [of.soc_arrival, of.soc_leave].map((soc) => shown(soc, PERCENT));
   const isHere = of.position_m - fromM < HERE_M;
+  const pace = fromM === 0 && isSlow.value ? slowText() : "";
   return (
     <>
-      {isHere ? words.chargeHere(fromM > 0) : words.driveTo(farText(of.position_m - fromM))}
+      {isHere ? words.chargeHere(fromM > 0) : words.driveTo(farText(of.position_m - fromM), pace)}
       <StationLink of={of.station} />
       {(isHere ? words.forHere : words.forThere)(time, arrival, leave, ...clockAfter(of.arrives_after_s))}
     </>
   );
-}
-
-/** The way to a place from the start of the journey, or from another one. */
-async function wayTo(to: Place, at = conditions.value, from = trip.value?.stops?.[0]) {
-  const stops = [from as Place, { ...to, kind: "" }];
-  const body = journeyRequest({ ...(trip.value as Trip), stops, pauseS: null }, at, car.value);
-  return (await askJourney(body, false).catch(() => null))?.roads[0];
 }
 
 /** How likely the end of a way is reached, and with what charge. */
@@ -320,21 +319,14 @@ function reachOf(way: Forecast) {
   return [chanceInFigures(chanceAtAll(way)), bandText(arrivalBand(way))] as const;
 }
 
-/** How likely a driver gets to a station slowly, without heating and air conditioning; said where many do. */
-function useGently(to: Station | false | undefined) {
-  const at: Conditions = { ...conditions.value, climate: "off" };
-  const ask = async () => {
-    if (!to) return null;
-    const { links, elevation } = (await wayTo(placeOfStation(to, ""), at)) as Road;
-    const slow = atMotorwaySpeed(links, GENTLE_M_S, GENTLE_M_S);
-    const way = { ...(trip.value as Trip), links: slow, fixed: { elevation } };
-    return requestForecast(forecastRequest(way, at, car.value));
-  };
-  const way = useAsked(ask, [JSON.stringify([to, at, car.value, trip.value?.stops?.[0]])]);
-  const chance = way ? chanceAtAll(way) : 0;
-  if (!way || chance < OPEN[0]) return { chance: 0 };
-  const speed = format.value.shown(GENTLE_M_S, units.value.speed, 0);
-  return { chance, sentence: text.value.journey.gently(speed, ...reachOf(way)) };
+/** What a driver reaches a station with who drives slowly, without heating and air conditioning; said where many do. */
+function gentlyText({ slow }: Ways): string {
+  if (chanceAtAll(slow) < OPEN[0]) return "";
+  return text.value.journey.gently(slowText(), ...reachOf(slow));
+}
+
+function reachOfStop({ p_reach, soc_interval }: Stop) {
+  return [chanceInFigures(p_reach), bandText(soc_interval)] as const;
 }
 
 /** What to do if a station is occupied; without another one in the plan, the nearest for who arrives with little. */
@@ -345,25 +337,32 @@ function Occupied({ of }: { of: Stop }) {
   const isPlanned = of.if_full !== null || of.pause_s > 0;
   const ask = async () => [isPlanned ? null : await nearestStation(here, roadTo).catch(() => null)] as const;
   const found = useAsked(ask, [JSON.stringify([here, at, car.value, isPlanned])]);
-  if (!found) return null; // nobody waits for want of a station that is still looked for
+  if (!found) return <li>{text.value.journey.lookingForOther}</li>;
   const { of: other, way } = found[0] ?? {};
   if (!other || !way || chanceAtAll(way.forecast) < PROBABLE) return <li>{occupiedText(of)}</li>;
   const { nextOther, reachedAtAll } = text.value.journey;
-  const there = nextOther(stationName(other), farText(way.distance_m));
+  const heights = way.elevation?.elevation_m ?? [];
+  const rise = riseText((heights.at(-1) ?? 0) - (heights[0] ?? 0));
+  const there = nextOther(stationName(other), farText(way.distance_m), rise);
   return <li>{`${there} ${reachedAtAll(...reachOf(way.forecast))}`}</li>;
 }
 
 /** What has to be known of the first stop, each as an item of the list. */
 function FirstStop({ of, plan }: { of: Stop; plan: ChargingPlan }) {
-  const { orCall, reachedAtAll } = text.value.journey;
+  const { asUsual, orCall, reachedAtAll } = text.value.journey;
   const isAway = of.position_m >= HERE_M;
-  const reached = isAway && reasonOfJourney() === BELOW && chanceInFigures(of.p_reach);
-  const slow = useGently(isAway && (of.p_reach < 0.5 || plan.p_arrive < OPEN[1]) && of.station);
+  const isBelow = isAway && reasonOfJourney() === BELOW;
+  const usual = isSlow.value && usualPlan.value?.stops[0];
+  const gently = !isBelow && ways.value && gentlyText(ways.value);
   return (
     <>
-      {slow.sentence && <li>{slow.sentence}</li>}
-      {reached && <li>{reachedAtAll(reached, bandText(of.soc_interval), slow.chance > 0)}</li>}
-      {Math.max(of.p_reach, plan.p_arrive, slow.chance) < OPEN[1] && <li>{orCall}</li>}
+      {isBelow && (
+        <li>
+          {reachedAtAll(...reachOfStop(of))} {usual && asUsual(...reachOfStop(usual))}
+        </li>
+      )}
+      {gently && <li>{gently}</li>}
+      {(usual || Math.max(of.p_reach, plan.p_arrive) < OPEN[1]) && <li>{orCall}</li>}
       <Occupied of={of} />
     </>
   );
@@ -401,7 +400,8 @@ function NoStop({ of, from }: { of: Trip; from: Place }) {
   const isHere = nearest !== null && nearest.farM < HEREABOUTS_M;
   const way = isHere ? undefined : nearest?.way;
   const { journey: words } = text.value;
-  const slow = useGently(way && chanceAtAll(way.forecast) < OPEN[1] && nearest?.of);
+  const isOpen = way && chanceAtAll(way.forecast) < OPEN[1];
+  const slow = useAsked(async () => (isOpen && nearest ? waysTo(nearest.of) : null), [isOpen, asked]);
   const reached = way && words.reachedAtAll(...reachOf(way.forecast));
   return (
     <>
@@ -410,7 +410,7 @@ function NoStop({ of, from }: { of: Trip; from: Place }) {
         <>
           {isHere ? words.stationHere : words.nearest} <StationLink of={nearest.of} />
           {isHere ? words.chargeThere : words.away(farText(way?.distance_m ?? nearest.farM), !!way)} {reached}{" "}
-          {slow.sentence}
+          {slow && gentlyText(slow)}
         </>
       )}
     </>
@@ -433,16 +433,18 @@ function ChargedFirst({ of, plan, needed }: { of: Trip; plan: ChargingPlan; need
   const { journey: words } = text.value;
   const { duration, shown } = format.value;
   const lessS = plan.driving_s + plan.charging_s - alone.duration_s;
-  const moreWh = (least - soc) * alone.forecast.wh_per_display;
+  const moreWh = (upwardsSoc(least) - soc) * alone.forecast.wh_per_display;
   const kept = (forecast && chanceOf(forecast, reserve)) ?? 0;
   const chances = [kept, forecast ? chanceAtAll(forecast) : 0].map(chanceInFigures) as [string, string];
   return (
     <>
+      {forecast && (
+        <p class="reason">
+          {words.notNow(shown(soc, PERCENT), shown(forecast.soc_arrival, PERCENT), ...chances)}
+        </p>
+      )}
       <h3>{words.chargedFirst(upwards(least), shown(moreWh, ENERGY, 1))}</h3>
       <p>{words[forecast ? "onlyInPause" : "withoutStop"](pausing === 0 ? "" : duration(lessS))}</p>
-      {forecast && (
-        <p>{words.notNow(shown(soc, PERCENT), shown(forecast.soc_arrival, PERCENT), ...chances)}</p>
-      )}
     </>
   );
 }
@@ -467,7 +469,7 @@ function ToDo({ of }: { of: Forecast }) {
     isStuck.value && trip.value?.stops?.[0] && <NoStop of={trip.value} from={trip.value.stops[0]} />,
     needed !== undefined && !!speed && words.atMost(format.value.shown(speed, units.value.speed, 0)),
   ];
-  const moreWh = (withStops - (of.series.displayed_soc[0] as number)) * of.wh_per_display;
+  const moreWh = (upwardsSoc(withStops) - (of.series.displayed_soc[0] as number)) * of.wh_per_display;
   const more = format.value.shown(moreWh, ENERGY, 1);
   const isLast = (plan?.p_arrive ?? 0) >= OPEN[1]; // who gets there anyway
   const helps = stopsHelp && <p>{words.leaveWithStops(upwards(withStops), more, isLast)}</p>;

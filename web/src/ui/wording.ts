@@ -13,7 +13,7 @@ import type { Trip } from "../state/trip";
 /** A smaller charge is 0 % as it is shown. */
 export const SHOWN_SOC = 0.005;
 
-/** A smaller difference in height explains little of the charge at a turn [m]. */
+/** A smaller difference in height explains little of a charge [m]. */
 const TOLD_RISE_M = 100;
 
 /** From the first to the second of two values in SI, without their unit; one figure where both are the same. */
@@ -33,8 +33,12 @@ export function endsOf(quantiles: Record<string, number>): number[] {
 }
 
 /** A charge, rounded up to whole percent. */
+export function upwardsSoc(soc: number): number {
+  return Math.ceil(soc * 100 - 1e-6) / 100;
+}
+
 export function upwards(soc: number): string {
-  return format.value.shown(Math.ceil(soc * 100 - 1e-6) / 100, PERCENT);
+  return format.value.shown(upwardsSoc(soc), PERCENT);
 }
 
 /** A probability, such as 97 in 100. */
@@ -84,7 +88,9 @@ export function chargingText(of: Stop, explains = false): string {
   const isCold = station.direct_current && codes.includes("cold_charging_assumed");
   const reason = explains && meanW < 0.8 * station.power_w ? noMore(isCold) : "";
   const time = withPower(span(charging_s), power, reason);
-  return pause_s > 0 ? inPause(time, upwards(least)) : time;
+  if (pause_s <= 0) return time;
+  const leastS = (charging_s * (least - of.soc_arrival)) / (of.soc_leave - of.soc_arrival); // of a constant power
+  return inPause(time, upwards(least), leastS > 0 ? span(leastS) : "");
 }
 
 /** A clock time, and its day where that is not the day of `from`. */
@@ -106,13 +112,17 @@ export function clockAfter(s: number): [string, string] {
   return clockParts(new Date(leaves.getTime() + s * 1000), leaves);
 }
 
+/** A height above a place or below it; nothing where it explains little. */
+export function riseText(riseM: number): string {
+  const height = format.value.shown(Math.abs(riseM), units.value.height);
+  return Math.abs(riseM) < TOLD_RISE_M ? "" : text.value.journey.rise(height, riseM > 0);
+}
+
 /** Arrival at the turn of a journey, with its pause. */
 export function turnText({ name, soc, atS, pauseS, riseM }: Turn): string {
   const { journey: words } = text.value;
   const { shown, span } = format.value;
-  const height = shown(Math.abs(riseM), units.value.height);
-  const rise = Math.abs(riseM) < TOLD_RISE_M ? "" : words.rise(height, riseM > 0);
-  const arrival = words.turn(name, rise, shown(soc, PERCENT), ...clockAfter(atS));
+  const arrival = words.turn(name, riseText(riseM), shown(soc, PERCENT), ...clockAfter(atS));
   return pauseS ? `${arrival} ${words.pauseAt(span(pauseS), ...clockAfter(atS + pauseS))}` : arrival;
 }
 

@@ -1,0 +1,79 @@
+/** The plan with charging stops that is shown: who may not reach its first stop as usual drives there slowly. */
+
+import { computed, effect, signal, untracked } from "@preact/signals";
+import { requestForecast } from "../api/client";
+import { Latest } from "../api/latest";
+import type { ChargingPlan, Place, Road, Station, Stop } from "../api/documents";
+import { BELOW } from "../model/answer";
+import { chanceAtAll } from "../model/arrival";
+import { atMotorwaySpeed } from "../model/links";
+import { slowed, type Ways } from "../model/slow-way";
+import { HERE_M, placeOfStation } from "../model/stations";
+import { car } from "./car";
+import { type Conditions, conditions } from "./conditions";
+import { mode } from "./forecast";
+import { askJourney, chargingPlans, chosenCharging, journey } from "./journey";
+import { forecastRequest, journeyRequest, type Trip, trip } from "./trip";
+
+/** A slow speed on a road, of a driver who may not get to a station [m/s]. */
+export const GENTLE_M_S = 60 / 3.6;
+
+/** From this chance on nobody has to drive slowly. */
+export const CERTAIN = 0.95;
+
+/** The way to a place from the start of the journey, or from another one. */
+export async function wayTo(to: Place, at = conditions.value, from = trip.value?.stops?.[0]) {
+  const stops = [from as Place, { ...to, kind: "" }];
+  const body = journeyRequest({ ...(trip.value as Trip), stops, pauseS: null }, at, car.value);
+  return (await askJourney(body, false).catch(() => null))?.roads[0];
+}
+
+/** The way to a station as usual, and slowly without heating and air conditioning. */
+export async function waysTo(to: Station): Promise<Ways> {
+  const at: Conditions = { ...conditions.value, climate: "off" };
+  const { links, elevation, forecast: usual } = (await wayTo(placeOfStation(to, ""))) as Road;
+  const slow = atMotorwaySpeed(links, GENTLE_M_S, GENTLE_M_S);
+  const way = { ...(trip.value as Trip), links: slow, fixed: { elevation } };
+  return { usual, slow: await requestForecast(forecastRequest(way, at, car.value)) };
+}
+
+/** With the way to the first stop as usual: of a journey whose road needs one. */
+export const usualPlan = computed((): ChargingPlan | null => {
+  if (!trip.value?.stops || mode.value !== "plan") return null;
+  return chargingPlans.value[chosenCharging.value] ?? chargingPlans.value[0] ?? null;
+});
+
+/** The ways to the first stop of a plan that it may not reach, or not with the reserve; undefined while they are looked for. */
+export const ways = signal<Ways | null | undefined>(null);
+
+/** Whether the way to the first stop is the slow one. */
+export const isSlow = computed(() => {
+  const [first] = usualPlan.value?.stops ?? [];
+  const isBelow = journey.value?.verdict.reason === BELOW;
+  return (
+    !!first && !!ways.value && isBelow && first.p_reach < Math.min(chanceAtAll(ways.value.slow), CERTAIN)
+  );
+});
+
+export const chargingPlan = computed((): ChargingPlan | null => {
+  const plan = usualPlan.value;
+  return plan && ways.value && isSlow.value ? slowed(plan, ways.value) : plan;
+});
+
+const runner = new Latest<Stop>(async ({ station }, signal) => {
+  const found = await waysTo(station).catch(() => null);
+  if (!signal.aborted) ways.value = found;
+}, 0);
+
+export function keepWays(): void {
+  effect(() => {
+    const plan = usualPlan.value;
+    const [first] = plan?.stops ?? [];
+    const isAway = plan && first && first.position_m >= HERE_M;
+    const doubtful = isAway && (first.p_reach < 0.5 || plan.p_arrive < CERTAIN) ? first : null;
+    untracked(() => {
+      ways.value = doubtful ? undefined : null;
+      runner.submit(doubtful);
+    });
+  });
+}
