@@ -10,11 +10,11 @@ import { keepWays } from "./state/charging";
 import { keepDriving } from "./state/drive";
 import { keepForecasting } from "./state/forecast";
 import { keepReach } from "./state/journey";
-import { keepOnRoad, openFromAddress } from "./state/live-drive";
+import { isOpen as roadIsOpen, keepOnRoad, openFromAddress } from "./state/live-drive";
 import { keepLink } from "./state/link";
 import { keepAdvice } from "./state/advice";
 import { keepNeed } from "./state/need";
-import { isOpen, labelOf } from "./state/own-cars";
+import { isOpen as carsAreOpen, labelOf } from "./state/own-cars";
 import { keepPosition } from "./state/position";
 import { keepLanguage, keepPreferences, text } from "./state/preferences";
 import { AdviceCard } from "./ui/advice";
@@ -28,7 +28,6 @@ import { JourneyAnswer } from "./ui/journey-answer";
 import { MapCard } from "./ui/map-card";
 import { Result } from "./ui/result";
 import { CarDialog } from "./ui/car-dialog";
-import { LiveDrive } from "./ui/live-drive";
 import { connectTokenDialog, TokenDialog } from "./ui/token-dialog";
 import { TripPanel } from "./ui/trip-panel";
 import { VerdictCard } from "./ui/verdict";
@@ -59,13 +58,15 @@ function Foot() {
   );
 }
 
-/** The dialog of the user's cars; it is loaded when it is first opened. */
-function OwnCars() {
+const ownCars = () => import("./ui/own-cars-dialog").then(({ OwnCarsDialog }) => OwnCarsDialog);
+const liveDrive = () => import("./ui/live-drive").then(({ LiveDrive }) => LiveDrive);
+
+/** A dialog that is loaded when it is first opened. */
+function Later({ isOpen, load }: { isOpen: boolean; load: () => Promise<ComponentType> }) {
   const [loaded, setLoaded] = useState<{ Dialog: ComponentType } | null>(null);
   useEffect(() => {
-    if (!isOpen.value) return;
-    void import("./ui/own-cars-dialog").then(({ OwnCarsDialog }) => setLoaded({ Dialog: OwnCarsDialog }));
-  }, [isOpen.value]);
+    if (isOpen) void load().then((Dialog) => setLoaded({ Dialog }));
+  }, [isOpen]);
   return loaded && <loaded.Dialog />;
 }
 
@@ -95,8 +96,8 @@ function Page() {
       <Glance />
       <Announcer />
       <CarDialog />
-      <OwnCars />
-      <LiveDrive />
+      <Later isOpen={carsAreOpen.value} load={ownCars} />
+      <Later isOpen={roadIsOpen.value} load={liveDrive} />
       <TokenDialog />
     </>
   );

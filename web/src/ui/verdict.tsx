@@ -439,9 +439,7 @@ function ChargedFirst({ of, plan, needed }: { of: Trip; plan: ChargingPlan; need
   return (
     <>
       {forecast && (
-        <p class="reason">
-          {words.notNow(shown(soc, PERCENT), shown(forecast.soc_arrival, PERCENT), ...chances)}
-        </p>
+        <strong>{words.notNow(shown(soc, PERCENT), shown(forecast.soc_arrival, PERCENT), ...chances)}</strong>
       )}
       <h3>{words.chargedFirst(upwards(least), shown(moreWh, ENERGY, 1))}</h3>
       <p>{words[forecast ? "onlyInPause" : "withoutStop"](pausing === 0 ? "" : duration(lessS))}</p>
