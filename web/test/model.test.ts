@@ -326,7 +326,7 @@ describe("a plan whose first stop is reached slowly", () => {
     energy_wh,
     soc_arrival: soc,
     by_cause_wh: { climate: energy_wh - 900, rolling: 900 },
-    p_arrive_by_soc: { "0": chance },
+    p_arrive_by_soc: { "0": chance, "0.1": 0.3 },
     series: series([0.1, soc], [0, s]),
   });
   const ways = { usual: wayOf(1400, 0.02, 60, 0.8), slow: wayOf(1000, 0.04, 90, 0.98) } as unknown as Ways;
@@ -348,8 +348,9 @@ describe("a plan whose first stop is reached slowly", () => {
   } as unknown as ChargingPlan;
 
   test("has the chance, the charge and the time of the slow way, and what it saves is charged less", () => {
-    const slow = slowed(plan, ways);
+    const slow = slowed(plan, ways, 0);
     near(slow.p_arrive, (0.78 * 0.98) / 0.8);
+    near(slowed(plan, ways, 0.1).p_reserve, (0.76 * 0.3) / 0.8); // with the reserve of who leaves with more
     near(slow.p_reserve, (0.76 * 0.98) / 0.8);
     const { soc_arrival, p_reach, energy_wh, arrives_after_s } = slow.stops[0] as Stop;
     assert.deepEqual([soc_arrival, p_reach, energy_wh, arrives_after_s], [0.04, 0.98, 4600, 90]);
@@ -359,7 +360,7 @@ describe("a plan whose first stop is reached slowly", () => {
   });
 
   test("has the course of the slow way before the stop, and that of the plan from there on", () => {
-    const { time_s, displayed_soc, low } = slowed(plan, ways).course;
+    const { time_s, displayed_soc, low } = slowed(plan, ways, 0).course;
     allNear(time_s, [0, 45, 90, 430, 570]);
     allNear(displayed_soc, [0.1, 0.07, 0.04, 0.5, 0.4]);
     allNear(low, [0.09, 0.06, 0.03, 0.5, 0.3]);

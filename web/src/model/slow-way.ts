@@ -1,7 +1,7 @@
 /** A plan whose first charging stop is reached slowly, without heating and air conditioning. */
 
 import type { ChargingPlan, Forecast } from "../api/documents";
-import { arrivalBand, chanceAtAll } from "./arrival";
+import { arrivalBand, chanceAtAll, chanceOf } from "./arrival";
 import { interpolate } from "./interpolate";
 
 /** The way to the first stop, driven as usual and slowly. */
@@ -10,16 +10,22 @@ export interface Ways {
   slow: Forecast;
 }
 
+/** The chance that a plan is made for: to get there with the reserve; at all for who leaves with less, the reserve is 0 then. */
+export function chanceThere(way: Forecast, reserve: number): number {
+  return (reserve > 0 ? chanceOf(way, reserve) : null) ?? chanceAtAll(way);
+}
+
 /** A plan with the slow way: what it saves is charged at the stop less, and later times are later by what it takes longer. */
-export function slowed(plan: ChargingPlan, { usual, slow }: Ways): ChargingPlan {
+export function slowed(plan: ChargingPlan, { usual, slow }: Ways, reserve: number): ChargingPlan {
   const [first, ...later] = plan.stops;
   if (!first) return plan;
   const { distance_m: along, time_s, displayed_soc, ...bands } = slow.series;
   const { position_m, ...course } = plan.course;
   const moreS = (time_s.at(-1) as number) - first.arrives_after_s;
   const savedWh = usual.energy_wh - slow.energy_wh;
-  const chance = chanceAtAll(slow);
-  const share = chance / Math.max(first.p_reach, Number.EPSILON);
+  const chance = chanceThere(slow, reserve);
+  const kept = plan.p_reserve * (chance / Math.max(first.p_reach, Number.EPSILON));
+  const atAll = plan.p_arrive * (chanceAtAll(slow) / Math.max(chanceAtAll(usual), Number.EPSILON));
   const arrival = position_m.findIndex((positionM) => positionM >= first.position_m);
   const before = (column: number[], then: number[], added = 0) =>
     column.map((value, k) => (k > arrival ? value + added : interpolate(position_m[k] ?? 0, along, then)));
@@ -37,8 +43,8 @@ export function slowed(plan: ChargingPlan, { usual, slow }: Ways): ChargingPlan 
   };
   return {
     ...plan,
-    p_arrive: Math.min(plan.p_arrive * share, chance),
-    p_reserve: Math.min(plan.p_reserve * share, chance),
+    p_arrive: Math.min(atAll, chanceAtAll(slow)),
+    p_reserve: Math.min(kept, chance),
     energy_wh: plan.energy_wh - savedWh,
     by_cause_wh: Object.fromEntries(causes),
     driving_s: plan.driving_s + moreS,

@@ -5,9 +5,8 @@ import { requestForecast } from "../api/client";
 import { Latest } from "../api/latest";
 import type { ChargingPlan, Place, Road, Station, Stop } from "../api/documents";
 import { BELOW } from "../model/answer";
-import { chanceAtAll } from "../model/arrival";
 import { atMotorwaySpeed } from "../model/links";
-import { slowed, type Ways } from "../model/slow-way";
+import { chanceThere, slowed, type Ways } from "../model/slow-way";
 import { HERE_M, placeOfStation } from "../model/stations";
 import { car } from "./car";
 import { type Conditions, conditions } from "./conditions";
@@ -19,7 +18,10 @@ import { forecastRequest, journeyRequest, type Trip, trip } from "./trip";
 export const GENTLE_M_S = 60 / 3.6;
 
 /** From this chance on nobody has to drive slowly. */
-export const CERTAIN = 0.95;
+const CERTAIN = 0.95;
+
+/** Who has less, or less than the reserve, is no longer asked to leave with more. */
+const LOW_SOC = 0.2;
 
 /** The way to a place from the start of the journey, or from another one. */
 export async function wayTo(to: Place, at = conditions.value, from = trip.value?.stops?.[0]) {
@@ -43,21 +45,26 @@ export const usualPlan = computed((): ChargingPlan | null => {
   return chargingPlans.value[chosenCharging.value] ?? chargingPlans.value[0] ?? null;
 });
 
-/** The ways to the first stop of a plan that it may not reach, or not with the reserve; undefined while they are looked for. */
+/** Whether the car leaves now with so little that it is not asked to leave with more. */
+export const isLow = computed(() => {
+  const { reserve, soc, departsAt } = conditions.value;
+  return departsAt === null && soc < Math.max(reserve, LOW_SOC);
+});
+
+/** The ways to the first stop of a plan that a car with little charge may not reach with the reserve; undefined while they are looked for. */
 export const ways = signal<Ways | null | undefined>(null);
+
+const reserve = () => (journey.value?.verdict.reason === BELOW ? 0 : conditions.value.reserve);
 
 /** Whether the way to the first stop is the slow one. */
 export const isSlow = computed(() => {
   const [first] = usualPlan.value?.stops ?? [];
-  const isBelow = journey.value?.verdict.reason === BELOW;
-  return (
-    !!first && !!ways.value && isBelow && first.p_reach < Math.min(chanceAtAll(ways.value.slow), CERTAIN)
-  );
+  return !!first && !!ways.value && first.p_reach < chanceThere(ways.value.slow, reserve());
 });
 
 export const chargingPlan = computed((): ChargingPlan | null => {
-  const plan = usualPlan.value;
-  return plan && ways.value && isSlow.value ? slowed(plan, ways.value) : plan;
+  const plan = ways.value === undefined ? null : usualPlan.value;
+  return plan && ways.value && isSlow.value ? slowed(plan, ways.value, reserve()) : plan;
 });
 
 const runner = new Latest<Stop>(async ({ station }, signal) => {
@@ -67,10 +74,9 @@ const runner = new Latest<Stop>(async ({ station }, signal) => {
 
 export function keepWays(): void {
   effect(() => {
-    const plan = usualPlan.value;
-    const [first] = plan?.stops ?? [];
-    const isAway = plan && first && first.position_m >= HERE_M;
-    const doubtful = isAway && (first.p_reach < 0.5 || plan.p_arrive < CERTAIN) ? first : null;
+    const [first] = usualPlan.value?.stops ?? [];
+    const isAway = first && first.position_m >= HERE_M;
+    const doubtful = isAway && isLow.value && first.p_reach < CERTAIN ? first : null;
     untracked(() => {
       ways.value = doubtful ? undefined : null;
       runner.submit(doubtful);

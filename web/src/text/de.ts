@@ -150,7 +150,7 @@ const de: Text = {
     forThere: (time, arrival, leave, clock, day) =>
       `“ fahren und dort ${time} laden, von ${arrival} auf ${leave}; Ankunft dort${day && ` ${day}`} gegen ${clock}.`,
     inPause: (time, least, after) =>
-      `${time} in der Pause (${least}${after && `, nach etwa ${after},`} reichen für den Rest)`,
+      `${time} in der Pause (mindestens auf ${least}${after && `, etwa ${after}`})`,
     withPower: (time, power, reason) => `${time} mit etwa ${power}${reason && ` (${reason})`}`,
     noMore: (isCold) => `mehr nimmt ${isCold ? "die kalte Batterie" : "das Auto"} nicht`,
     chargeHere: (isOnTheWay) => `${isOnTheWay ? "Dort" : "Hier"} laden: an „`,
@@ -184,8 +184,8 @@ const de: Text = {
     neededBelow: (soc) => `nur nötig, wenn Sie dort weniger als ${soc} haben`,
     ifFull: (station, arrival, more, chance) =>
       `Falls besetzt: ${station}, erreicht mit ${arrival} (${chance})${more && `, ${more}`}.`,
-    nextOther: (station, far, rise) =>
-      `Falls besetzt: Die nächste andere für dieses Auto ist „${station}“, ${far} auf der Straße${rise && `, ${rise}`}.`,
+    nextOther: (station, far, rise, isBack) =>
+      `Falls besetzt, ${isBack ? "warten Sie, oder fahren" : "fahren"} Sie zu „${station}“, der nächsten anderen für dieses Auto: ${far} auf der Straße${rise && `, ${rise}`}${isBack ? ", weg von Ihrem Ziel" : ""}.`,
     lookingForOther: "Falls besetzt: Die nächste andere wird gesucht …",
     noOther: "Falls besetzt, warten Sie: Keine andere nahe Ihrer Route ist in Reichweite.",
     laterInPause: (least) =>

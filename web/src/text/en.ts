@@ -147,7 +147,7 @@ export const en = {
     forThere: (time: string, arrival: string, leave: string, clock: string, day: string) =>
       `” and charge ${time}, from ${arrival} to ${leave}; you are there${day && ` ${day}`} at about ${clock}.`,
     inPause: (time: string, least: string, after: string) =>
-      `${time} in the pause (${least}${after && `, after about ${after},`} is enough for the rest)`,
+      `${time} in the pause (at least to ${least}${after && `, about ${after}`})`,
     withPower: (time: string, power: string, reason: string) =>
       `for ${time} with about ${power}${reason && ` (${reason})`}`,
     noMore: (isCold: boolean) => `the ${isCold ? "cold battery" : "car"} takes no more`,
@@ -184,8 +184,8 @@ export const en = {
     neededBelow: (soc: string) => `needed only if you have less than ${soc} there`,
     ifFull: (station: string, arrival: string, more: string, chance: string) =>
       `If it is occupied: ${station}, reached with ${arrival} (${chance})${more && `, ${more}`}.`,
-    nextOther: (station: string, far: string, rise: string) =>
-      `If it is occupied: the nearest other station for this car is “${station}”, ${far} by road${rise && `, ${rise}`}.`,
+    nextOther: (station: string, far: string, rise: string, isBack: boolean) =>
+      `If it is occupied, ${isBack ? "wait, or " : ""}drive to “${station}”, the nearest other station for this car: ${far} by road${rise && `, ${rise}`}${isBack ? ", away from your destination" : ""}.`,
     lookingForOther: "If it is occupied: looking for the nearest other station …",
     noOther: "If it is occupied, wait: no other station near your route is in reach.",
     laterInPause: (least: string) =>

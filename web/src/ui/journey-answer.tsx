@@ -19,6 +19,7 @@ import {
   clockAfter,
   rangeWithUnit,
   stationName,
+  isNeeded,
   turnText,
   upwards,
 } from "./wording";
@@ -130,9 +131,7 @@ function StopRow({ of, isTold }: { of: Stop; isTold: boolean }) {
             : !isTold &&
               ` · ${words.arriveThere(rangeWithUnit(of.soc_interval, PERCENT))} · ${words.reached(chanceInFigures(of.p_reach))}`}
           {of.preheat && ` · ${words.preheat}`}
-          {of.needed_below > of.soc_arrival &&
-            of.needed_below <= (of.soc_interval[1] ?? 1) &&
-            ` · ${words.neededBelow(upwards(of.needed_below))}`}
+          {!isNeeded(of) && ` · ${words.neededBelow(upwards(of.needed_below))}`}
         </span>
       </p>
       {(of.if_full || of.pause_s > 0) && <p class="note">{occupiedText(of)}</p>}

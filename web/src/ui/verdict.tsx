@@ -14,7 +14,7 @@ import {
 } from "../model/arrival";
 import { isBetter } from "../model/diary";
 import { warningsOf } from "../model/flags";
-import type { Ways } from "../model/slow-way";
+import { metresBetween } from "../model/road";
 import { HERE_M, isSame, placeOfStation, STATION_KIND } from "../model/stations";
 import { ENERGY, PERCENT } from "../model/units";
 import { source } from "../state/catalogue";
@@ -32,7 +32,7 @@ import {
   stopInDoubt,
   turn,
 } from "../state/answer";
-import { chargingPlan, GENTLE_M_S, isSlow, usualPlan, ways, waysTo, wayTo } from "../state/charging";
+import { chargingPlan, GENTLE_M_S, isLow, isSlow, ways, waysTo, wayTo } from "../state/charging";
 import { arrived, driving, shownForecast } from "../state/drive";
 import { alternative, leaving, leavingIsOld, mode, problem, requested } from "../state/forecast";
 import {
@@ -66,6 +66,7 @@ import {
   rangeWithUnit,
   SHOWN_SOC,
   stationName,
+  isNeeded,
   riseText,
   turnText,
   upwards,
@@ -83,9 +84,6 @@ const EMPTY = "battery_empty";
 
 /** From this chance on a trip arrives probably. */
 const PROBABLE = 0.8;
-
-/** Who has less, or less than the reserve, is no longer asked to leave with more. */
-const LOW_SOC = 0.2;
 
 /** Nearer places are told with a digit more [m]. */
 const NEAR_M = 10_000;
@@ -270,12 +268,6 @@ const isStuck = computed(() => {
   return now !== null && trip.value?.stops != null && now.charges === 0 && decisiveChance(now) < 0.5;
 });
 
-/** Whether the car leaves now with so little that it is not asked to leave with more. */
-const isLow = computed(() => {
-  const { reserve, soc, departsAt } = conditions.value;
-  return departsAt === null && soc < Math.max(reserve, LOW_SOC);
-});
-
 /** A distance to drive. */
 function farText(farM: number): string {
   return format.value.shown(farM, units.value.distance, farM < NEAR_M ? 1 : 0);
@@ -310,6 +302,7 @@ function StopText({ of, fromM }: { of: Stop; fromM: number }) {
       {isHere ? words.chargeHere(fromM > 0) : words.driveTo(farText(of.position_m - fromM), pace)}
       <StationLink of={of.station} />
       {(isHere ? words.forHere : words.forThere)(time, arrival, leave, ...clockAfter(of.arrives_after_s))}
+      {isNeeded(of) ? "" : ` ${words.neededBelow(upwards(of.needed_below))}.`}
     </>
   );
 }
@@ -319,50 +312,46 @@ function reachOf(way: Forecast) {
   return [chanceInFigures(chanceAtAll(way)), bandText(arrivalBand(way))] as const;
 }
 
-/** What a driver reaches a station with who drives slowly, without heating and air conditioning; said where many do. */
-function gentlyText({ slow }: Ways): string {
-  if (chanceAtAll(slow) < OPEN[0]) return "";
-  return text.value.journey.gently(slowText(), ...reachOf(slow));
-}
-
-function reachOfStop({ p_reach, soc_interval }: Stop) {
-  return [chanceInFigures(p_reach), bandText(soc_interval)] as const;
-}
-
 /** What to do if a station is occupied; without another one in the plan, the nearest for who arrives with little. */
 function Occupied({ of }: { of: Stop }) {
   const here = { ...placeOfStation(of.station, ""), kind: "" };
-  const at = { ...conditions.value, soc: of.soc_interval[0] ?? 0 };
+  const [low = 0, high = 0] = of.soc_interval;
+  const at = { ...conditions.value, soc: low };
   const roadTo = async (to: Place) => (isSame(to, here) ? undefined : wayTo(to, at, here));
   const isPlanned = of.if_full !== null || of.pause_s > 0;
   const ask = async () => [isPlanned ? null : await nearestStation(here, roadTo).catch(() => null)] as const;
   const found = useAsked(ask, [JSON.stringify([here, at, car.value, isPlanned])]);
-  if (!found) return <li>{text.value.journey.lookingForOther}</li>;
+  const { lookingForOther, nextOther, reachedAtAll } = text.value.journey;
+  if (!found) return <li>{lookingForOther}</li>;
   const { of: other, way } = found[0] ?? {};
   if (!other || !way || chanceAtAll(way.forecast) < PROBABLE) return <li>{occupiedText(of)}</li>;
-  const { nextOther, reachedAtAll } = text.value.journey;
   const heights = way.elevation?.elevation_m ?? [];
+  const end = trip.value?.stops?.at(-1) as Place;
+  const isBack = metresBetween(other, end) > metresBetween(here, end);
   const rise = riseText((heights.at(-1) ?? 0) - (heights[0] ?? 0));
-  const there = nextOther(stationName(other), farText(way.distance_m), rise);
-  return <li>{`${there} ${reachedAtAll(...reachOf(way.forecast))}`}</li>;
+  const [least, most] = arrivalBand(way.forecast);
+  const left = way.forecast.soc_arrival + of.soc_arrival - low; // of who arrives with what is expected
+  const half = Math.hypot(most - least, high - low) / 2;
+  const band = bandText([Math.max(left - half, least), left + half]);
+  const there = nextOther(stationName(other), farText(way.distance_m), rise, isBack);
+  return <li>{`${there} ${reachedAtAll(chanceInFigures(chanceAtAll(way.forecast)), band)}`}</li>;
 }
 
 /** What has to be known of the first stop, each as an item of the list. */
 function FirstStop({ of, plan }: { of: Stop; plan: ChargingPlan }) {
   const { asUsual, orCall, reachedAtAll } = text.value.journey;
-  const isAway = of.position_m >= HERE_M;
-  const isBelow = isAway && reasonOfJourney() === BELOW;
-  const usual = isSlow.value && usualPlan.value?.stops[0];
-  const gently = !isBelow && ways.value && gentlyText(ways.value);
+  const both = isSlow.value && ways.value;
+  const isDoubtful = of.position_m >= HERE_M && reasonOfJourney() === BELOW;
+  const usual = isDoubtful && ([chanceInFigures(of.p_reach), bandText(of.soc_interval)] as const);
+  const reach = both ? reachOf(both.slow) : usual;
   return (
     <>
-      {isBelow && (
+      {reach && (
         <li>
-          {reachedAtAll(...reachOfStop(of))} {usual && asUsual(...reachOfStop(usual))}
+          {reachedAtAll(...reach)} {both && asUsual(...reachOf(both.usual))}
         </li>
       )}
-      {gently && <li>{gently}</li>}
-      {(usual || Math.max(of.p_reach, plan.p_arrive) < OPEN[1]) && <li>{orCall}</li>}
+      {Math.max(of.p_reach, plan.p_arrive) < OPEN[1] && <li>{orCall}</li>}
       <Occupied of={of} />
     </>
   );
@@ -401,7 +390,8 @@ function NoStop({ of, from }: { of: Trip; from: Place }) {
   const way = isHere ? undefined : nearest?.way;
   const { journey: words } = text.value;
   const isOpen = way && chanceAtAll(way.forecast) < OPEN[1];
-  const slow = useAsked(async () => (isOpen && nearest ? waysTo(nearest.of) : null), [isOpen, asked]);
+  const both = useAsked(async () => (isOpen && nearest ? waysTo(nearest.of) : null), [isOpen, asked]);
+  const slow = both && chanceAtAll(both.slow) >= OPEN[0] && both.slow;
   const reached = way && words.reachedAtAll(...reachOf(way.forecast));
   return (
     <>
@@ -410,7 +400,7 @@ function NoStop({ of, from }: { of: Trip; from: Place }) {
         <>
           {isHere ? words.stationHere : words.nearest} <StationLink of={nearest.of} />
           {isHere ? words.chargeThere : words.away(farText(way?.distance_m ?? nearest.farM), !!way)} {reached}{" "}
-          {slow && gentlyText(slow)}
+          {slow && words.gently(slowText(), ...reachOf(slow))}
         </>
       )}
     </>
@@ -459,7 +449,8 @@ function ToDo({ of }: { of: Forecast }) {
   if (!isKnown || driving.value || mode.value !== "plan") return null;
   const isOld = isJourney ? answersAreOld.value : leavingIsOld.value;
   const { journey: words } = text.value;
-  const stopsHelp = withStops <= 1 && withStops < (needed ?? 2);
+  const isKept = reasonOfJourney() !== BELOW && (plan?.p_reserve ?? 0) >= OPEN[1];
+  const stopsHelp = !isKept && withStops <= 1 && withStops < (needed ?? 2);
   const leaves = needed !== undefined && !plan;
   const texts = [
     isStuck.value && isLow.value && ((needed ?? 2) > 1 || stopsHelp) && words.callHelp,

@@ -77,6 +77,11 @@ export function bandText([low = 0, high = low]: readonly number[]): string {
   return rangeWithUnit([low, high], PERCENT);
 }
 
+/** Whether a car charges at a stop however it arrives there. */
+export function isNeeded({ needed_below: least, soc_arrival, soc_interval }: Stop): boolean {
+  return least <= soc_arrival || least > (soc_interval[1] ?? 1);
+}
+
 /** How long a car charges at a stop, and with which mean power; `explains` says why that is far below the station's. */
 export function chargingText(of: Stop, explains = false): string {
   const { charging_s, energy_wh, pause_s, needed_below: least, station } = of;
