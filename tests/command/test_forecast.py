@@ -96,6 +96,8 @@ def test_unknown_charge_is_said(run: Run, table: pd.DataFrame, tmp_path: Path) -
     ("change", "said"),
     [
         (lambda t: t.rename(columns={"speed_m_s": "speed_km_h"}), "did you mean speed_m_s in m/s?"),
+        (lambda t: t.rename(columns={"speed_m_s": "v"}), "did you mean speed_m_s in m/s?"),
+        (lambda t: t.rename(columns={"time_s": "t"}), "did you mean time_s in s?"),
         (lambda t: t.assign(time_s=t["time_s"].to_numpy()[::-1]), "time does not increase"),
         (lambda t: t.drop(columns="time_s"), "missing column"),
     ],

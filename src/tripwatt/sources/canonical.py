@@ -14,6 +14,7 @@ from tripwatt.errors import Check, Fault, InvalidInput, raise_faults
 from tripwatt.sources.columnar import TableFile, csv_table, open_table
 from tripwatt.sources.delimited import open_delimited
 from tripwatt.sources.mapping import ENERGY
+from tripwatt.sources.naming import candidates, column_names
 from tripwatt.trips import (
     COLUMNS,
     REQUIRED_COLUMNS,
@@ -204,7 +205,8 @@ def _header_faults(names: Sequence[str], required: Sequence[str], where: str) ->
 
 
 def _hint(name: str) -> str:
-    near = same_quantity(name, COLUMNS)
+    named = (ours for ours in column_names() if ours in COLUMNS and candidates(ours, [name]))
+    near = next(named, same_quantity(name, COLUMNS))
     return f"did you mean {near} in {COLUMNS[near].unit}?" if near else "rename the column or leave it out"
 
 

@@ -38,9 +38,7 @@ def words(name: str) -> str:
     >>> words("T_amb_C"), words("hvBatteryCurrent [A]"), words("Höhe (m)"), words("v.b.voltage")
     ('t amb c', 'hv battery current', 'hohe', 'v b voltage')
     """
-    bare = re.sub(r"[\[({][^\])}]*[\])}]*", " ", name) or name
-    if not bare.strip():
-        bare = name
+    bare = re.sub(r"[\[({][^\])}]*[\])}]*", " ", name).strip() or name
     folded = unicodedata.normalize("NFKD", bare.replace("ß", "ss")).encode("ascii", "ignore").decode()
     split = re.sub(r"(?<=[a-z0-9])(?=[A-Z])", " ", re.sub(r"\bSoC\b", "SOC", folded))
     return " ".join(re.sub(r"[^a-z0-9]+", " ", split.casefold()).split())
