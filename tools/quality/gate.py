@@ -1,6 +1,6 @@
 """The gate in one command, with what each part costs: ``python -m tools.quality.gate [PART ...]``; ``make check`` runs it.
 
-Parts are run in their order until one fails. The seconds of each on the clock and of the processor are printed, those of the tests of each
+Parts are run in their order, the tests only if no part before them failed, so that one run names all that the quick parts find. The seconds of each on the clock and of the processor are printed, those of the tests of each
 room before the last line of pytest, which ends the output. The environment variable TEST_WORKERS is the number of processes that test.
 """
 
@@ -56,16 +56,19 @@ def main(parts: Annotated[list[str] | None, Argument(help="By default all.")] = 
     """Run the gate, or some of its parts."""
     if unknown := set(parts or ()) - set(PARTS):
         raise BadParameter(f"{', '.join(sorted(unknown))}: none of {', '.join(PARTS)}")
+    first_code, failed = 0, list[str]()
     for part in parts or PARTS:
+        if part == "tests" and failed:
+            print(f"tests: not run, because of {', '.join(failed)}", flush=True)
+            continue
         code, seconds, spent = run(part)
+        first_code, failed = first_code or code, failed + [part] * bool(code)
         if part != "tests":
             print(
                 f"{part}: {seconds:.1f} s, {spent:.1f} s of the processor{', failed' if code else ''}",
                 flush=True,
             )
-        if code:
-            return code
-    return 0
+    return first_code
 
 
 if __name__ == "__main__":
