@@ -84,8 +84,8 @@ def line(cars: Record, before: Record) -> str:
     planned = number(twizy["known"][ELSEWHERE]["error"], 100, 1)
     return (
         f"**Unseen cars: {means[0]}, learning from their trips: {means[1]}, 90 % intervals hold {held} %**: the error over the energy, in the "
-        f"mean of {len(unseen)} cars (by car {by_car} %), and the trips inside. All {sum(car['trips'] for car in unseen)} trips are forecast, "
-        f"given the driven speed trace, from no trip of the car and from its earlier ones. The {first['vehicle_title']}, whose logs the physics "
+        f"mean of {len(unseen)} cars (by car {by_car} %), and the trips inside. All {sum(car['trips'] for car in unseen)} trips are forecast twice, "
+        f"given the driven speed trace: without trips of the car, then from its earlier trips. The {first['vehicle_title']}, whose logs the physics "
         f"was built on, is left out ({of_first} %). On a planned road with travel times of another car, {twizy['trips']} trips err by {planned} %."
     )
 
