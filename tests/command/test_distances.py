@@ -49,8 +49,9 @@ def test_a_charge_that_is_not_above_the_reserve_is_one_sentence(run: Run, soc: f
     assert (printed.code, printed.err) == (0, "")
     percent = f"{100 * soc:g}"
     assert printed.out == f"No range is left: the charge of {percent} % is not above the reserve of 10 %.\n"
-    kinds = json.loads(run(*asked, "--json").out)["by_kind"]
-    assert {kind["range_m"] for kind in kinds} == {0.0}
+    answer = json.loads(run(*asked, "--json").out)
+    assert {kind["range_m"] for kind in answer["by_kind"]} == {0.0}
+    assert (answer["doubt"]["narrows"], answer["doubt"]["narrower"]) == (None, 0.0)
     assert "Range from 11% down to 10%" in run("range", "--soc", 0.11, "--reserve", 0.1).out
 
 

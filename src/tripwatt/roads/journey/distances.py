@@ -130,7 +130,7 @@ class KindRange:
     Attributes
     ----------
     range_m : float
-        Median [m].
+        Median [m]; 0 if the charge is not above the reserve.
     half_m, interval_m : tuple of float
         Ends of the middle half and of the central 90 % [m]. In 19 of 20 cases, the charge carries at least to the lower end of
         `interval_m`.
@@ -530,8 +530,7 @@ def range_km(
     """
     departure = departure or Departure()
     given = departure.soc if soc is None else soc
-    soc = 1.0 if given is None else given
-    start = require_fraction("soc", soc)
+    start = require_fraction("soc", 1.0 if given is None else given)
     spare = max(start - require_fraction("reserve", reserve), 0.0)
     own_model = for_car(model, car)
 
@@ -543,6 +542,7 @@ def range_km(
     forecaster_of = partial(KindForecaster.from_kind, own_model, departure)
     of_kind = range_by(forecaster_of(kind))
     by_kind = {name: range_by(forecaster_of(name)) for name in (*KINDS, UNKNOWN)}
-    flags, doubt = forecaster_of(kind).flags_and_doubt(max(of_kind.range_m, NODES_M[0]))
-    flags = flags if given is not None else (Flag("soc_assumed", "soc", soc, "1"), *flags)
+    flags, doubt = forecaster_of(kind).flags_and_doubt(of_kind.range_m)
+    doubt = doubt if spare else replace(doubt, narrows=None, narrower=0.0)  # of an interval without width
+    flags = flags if given is not None else (Flag("soc_assumed", "soc", start, "1"), *flags)
     return Range(**asdict(of_kind), by_kind=by_kind, flags=flags, soc=start, reserve=reserve, doubt=doubt)
