@@ -3,6 +3,7 @@
 import json
 import os
 import pickle
+import re
 import signal
 import subprocess
 import sys
@@ -248,6 +249,14 @@ def test_json_is_the_file_and_notes_tell_of_car_and_dropped_covariates(
     assert {f"covariate {name} dropped: no trip has it" for name in ("season", "weather")} <= set(
         results["notes"]
     )
+
+
+@pytest.mark.usefixtures("undrawn")
+def test_the_run_on_the_sample_says_that_it_is_one(run: Callable[..., Answer], tmp_path: Path) -> None:
+    few = ("--models", "constant,physics-paper", "--hold-outs", "leave_one_trip_out:audited", "--jobs", 1)
+    answer = run("evaluate", "--out", tmp_path / "out", *few)
+    assert "note: 15 of 58 trips of the TUM set, 1 Hz: a sample" in answer.err
+    assert re.search(r"Mean error \[%\] +95 % interval of it +Mean error in the paper \[%\]", answer.out)
 
 
 @pytest.mark.usefixtures("undrawn")

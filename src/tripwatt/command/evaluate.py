@@ -91,7 +91,7 @@ def evaluate(
             options["test_fleet"] = test and check(replace(logs, data=test).read)
     fleet = replace(fleet, notes=(*fleet.notes, *note))
     say(f"{len(fleet)} trips read ({fleet.name})", err=True)
-    print_notes(note)
+    print_notes(flag for flag in fleet.notes if flag in note or flag.code == "sample")
     unfinished = unfinished_folder(out)
     with folder_lock(unfinished):
         run = _run(fleet, options, jobs, unfinished, resume)

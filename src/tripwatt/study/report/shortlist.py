@@ -44,18 +44,18 @@ def short_table_models(view: View) -> list[str]:
     return [*shown[:-1], published, shown[-1]]
 
 
-def short_table(view: View, *more: Column) -> Table:
-    """Tabulate the models of `short_table_models`: mean error with its interval, columns `more`, and coverage if there is a forecast."""
+def short_table(view: View) -> Table:
+    """Tabulate the models of `short_table_models`: mean error with its interval, that of the paper, and coverage if there is a forecast."""
     rows = [{**view.scores[m], "name": m} for m in short_table_models(view)]
-    more += (in_percent("The paper [%]", lambda row: view.published.get(row["name"])),) * bool(view.published)
+    published = in_percent("Mean error in the paper [%]", lambda row: view.published.get(row["name"]))
     inside = in_percent(_INSIDE, lambda row: (row.get("coverage") or {}).get("0.9"), 0)
     return make_table(
         view.captioned(f"Error of a trip's energy: {describe_evaluation(view.main)}"),
         rows,
         Column("Model", lambda row: model_label(row["name"])),
         in_percent("Mean error [%]", "mape"),
-        in_percent("95 % interval", "mape_ci95"),
-        *more,
+        in_percent("95 % interval of it", "mape_ci95"),
+        *([published] if view.published else []),
         *([inside] if any(inside.cell(row) != DASH for row in rows) else []),
         strong=frozenset(i for i, row in enumerate(rows) if row["name"] == view.best),
     )
