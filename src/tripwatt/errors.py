@@ -9,7 +9,7 @@ from __future__ import annotations
 import difflib
 import re
 import reprlib
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence, Sized
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence, Sized
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import asdict, dataclass, replace
 from importlib.util import find_spec
@@ -44,15 +44,16 @@ def excerpt(value: Any, length: int = 60) -> str:
     return _SHORT.repr(value)[:length]
 
 
-def did_you_mean(name: object, known: Iterable[str]) -> str:
-    """A question with the most similar of the known names; an empty text if none is similar.
+def did_you_mean(name: object, known: Collection[str]) -> str:
+    """A question with the most similar of the known names, or the first that begins with the name; an empty text if there is none.
 
     Examples
     --------
-    >>> did_you_mean("tmie", ["time", "vel"]), did_you_mean("colour", ["time"])
-    ("did you mean 'time'?", '')
+    >>> did_you_mean("tmie", ["time", "vel"]), did_you_mean("ambient", ["ambient_temperature_degc"]), did_you_mean("colour", ["time"])
+    ("did you mean 'time'?", "did you mean 'ambient_temperature_degc'?", '')
     """
-    near = difflib.get_close_matches(str(name)[:60], list(known), n=1)
+    text = str(name)[:60]
+    near = difflib.get_close_matches(text, known, n=1) or [one for one in known if one.startswith(f"{text}_")]
     return f"did you mean {near[0]!r}?" if near else ""
 
 
@@ -106,7 +107,7 @@ class Fault:
     count: int = 1
 
     @classmethod
-    def unknown(cls, what: str, where: str, name: object, known: Iterable[str]) -> Self:
+    def unknown(cls, what: str, where: str, name: object, known: Collection[str]) -> Self:
         """The fault of an unknown name; it lists the known names and suggests the most similar one.
 
         Examples
@@ -114,8 +115,7 @@ class Fault:
         >>> print(Fault.unknown("unknown model", "models", "forst", ("forest", "gamm")))
         unknown model: models: got 'forst'; allowed: forest, gamm; did you mean 'forest'?
         """
-        listed = list(known)
-        return cls(what, where, excerpt(name), ", ".join(listed), did_you_mean(name, listed))
+        return cls(what, where, excerpt(name), ", ".join(known), did_you_mean(name, known))
 
     @property
     def texts(self) -> dict[str, str]:

@@ -103,8 +103,9 @@ def test_a_field_that_there_is_not_is_named_with_the_one_that_was_meant():
     with pytest.raises(
         tw.InvalidInput, match=r"unknown field: Departure: got 'sco'.*did you mean 'soc'"
     ) as error:
-        Departure(sco=0.5, trafic=1)  # type: ignore[call-arg]
-    assert len(error.value.faults) == 2
+        Departure(sco=0.5, trafic=1, ambient=5)  # type: ignore[call-arg]
+    assert len(error.value.faults) == 3
+    assert error.value.faults[0].fix == "did you mean 'ambient_temperature_degc'?"
     departure = Departure(soc=0.5, covariates={"traffic": 1.0})
     assert copy.deepcopy(departure) == pickle.loads(pickle.dumps(departure)) == departure
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import datetime as dt
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import replace
 from types import NoneType
@@ -667,7 +667,7 @@ def check_request(document: Any, model: type[RequestModel], jobs: Any = None) ->
     raise InvalidInput(faults_of(errors, model.model_fields))
 
 
-def faults_of(errors: Iterable[Mapping[str, Any]], known: Iterable[str]) -> Iterator[Fault]:
+def faults_of(errors: Iterable[Mapping[str, Any]], known: Collection[str]) -> Iterator[Fault]:
     """Yield the faults of pydantic's errors; the first faults of unknown names suggest the most similar known name."""
     for number, error in enumerate(errors):
         steps = [step for step in error["loc"] if step not in (NAME, DOCUMENT)]

@@ -124,7 +124,7 @@ class EvaluationRun:
         """
         _, ape = self._ape(hold_out)
         raise_faults(
-            Fault.unknown("unknown model", "compare", name, map(str, ape))
+            Fault.unknown("unknown model", "compare", name, [*map(str, ape)])
             for name in (a, b)
             if name not in ape
         )
