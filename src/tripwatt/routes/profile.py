@@ -224,8 +224,8 @@ class Course:
     Per link: `limit` is the speed limit (infinite if unknown), `free` the speed without disturbance, `time` the travel time
     without the given stops, `fastest` the highest speed that is tried, `ends` the last node, `cells` the number of its cells, and
     `nodes` that of its nodes: one more on the first link. Per cell: `link` is the index of its link, `cell_m` its length. Per node:
-    `ramp` is a speed that is allowed in any case because a neighbouring link is faster. The given stops are at the nodes `stops`. A
-    dip is a place at which the car slows down or stops; each has a node (`dip_node`) and a link (`dip_link`).
+    `node_link` is the index of its link, `ramp` a speed that is allowed in any case because a neighbouring link is faster. The car
+    stands at the nodes `stops`. A dip is a place at which the car slows down or stops; each has a node (`dip_node`) and a link (`dip_link`).
     """
 
     def __init__(
@@ -250,11 +250,12 @@ class Course:
         # twelve cells a dip let the car move between two stops and between a stop and the link's end
         cells = np.maximum(np.maximum(np.ceil(length / spacing), 4), 12 * dips).astype(np.int64)
         self.ends = np.cumsum(cells)
-        self.stops = self.ends[self.stop > 0]
+        self.stops = np.concatenate(([0], self.ends[self.stop > 0], self.ends[-1:]))
         self.position = running_sum(np.repeat(length / cells, cells))
         self.position[self.ends] = np.cumsum(length)
-        self.cell_m, self.link = np.diff(self.position), np.repeat(np.arange(n), cells)
         self.cells, self.nodes = cells, cells + (np.arange(n) == 0)
+        self.cell_m, self.node_link = np.diff(self.position), np.repeat(np.arange(n), self.nodes)
+        self.link = self.node_link[1:]
         self.dip_link = np.repeat(np.arange(n), dips)
         index = np.arange(len(self.dip_link)) - np.repeat(np.cumsum(dips) - dips, dips)
         place = style.stop_place if rng is None else rng.uniform(0.2, 0.8, len(self.dip_link))
@@ -280,23 +281,23 @@ class Course:
         of the link; on a link without dips it lowers the speed throughout. Only the changed links and their neighbours are driven
         again; all links are if the speed then changes at the far ends of the neighbours.
         """
-        share = np.where(self.has_dip, 1.0 - np.minimum(delay, 0.0), 1.0 - delay)
-        effort = np.minimum(self.style.comfort * (1.0 + _FIRMER * np.maximum(-delay, 0.0)), 1.0)
+        hurry = np.minimum(delay, 0.0)
+        share = 1.0 - np.where(self.has_dip, hurry, delay)
+        effort = np.minimum(self.style.comfort * (1.0 - _FIRMER * hurry), 1.0)
         aim = self.of_neighbours(np.minimum(self.free * share, self.fastest))
         np.maximum(aim, self.ramp * np.repeat(np.minimum(share, 1.0), self.nodes), out=aim)
-        aim[[0, -1]] = 0.0
-        slow = self.free[self.dip_link] * (1.0 - np.minimum(np.maximum(delay[self.dip_link], 0.0), 1.0))
-        aim[self.dip_node] = np.minimum(aim[self.dip_node], slow)
-        aim[self.stops] = 0.0
+        slow = self.free * (1.0 - np.maximum(delay, 0.0))
+        aim[self.dip_node] = np.minimum(aim[self.dip_node], slow[self.dip_link])
+        near = np.convolve(new, np.ones(3))[1:-1] > 0.0
+        is_driven, end = np.repeat(near, self.nodes), self.ends[:-1][near[1:] != near[:-1]]
+        aim[self.stops], aim[end], is_driven[end] = 0.0, before[end], True
+        part, speed = np.flatnonzero(is_driven), before.copy()
+        link = self.node_link[part]
         start_m = (effort * self.length).cumsum() - effort * self.position[self.ends]
-        weighted_m = np.repeat(effort, self.nodes) * self.position + np.repeat(start_m, self.nodes)
-        part = np.repeat(np.convolve(new, np.ones(3))[1:-1] > 0.0, self.nodes)
-        part[:-1] |= part[1:]
-        end = np.flatnonzero(part[1:-1] & ~(part[:-2] & part[2:])) + 1
-        aim[end], speed = before[end], before.copy()
-        speed[part] = reachable_speed(weighted_m[part], aim[part], self.style.driver)
-        near = np.array([end - 1, end, end + 1])
-        if (np.abs(speed[near] - before[near]) > 1e-9).any():
+        weighted_m = effort[link] * self.position[part] + start_m[link]
+        speed[part] = reachable_speed(weighted_m, aim[part], self.style.driver)
+        beside = np.array([end - 1, end, end + 1])
+        if (np.abs(speed[beside] - before[beside]) > 1e-9).any():
             return self.drive(delay, before, np.ones_like(new))
         return speed, self.cell_m * 2.0 / (speed[1:] + speed[:-1])
 
@@ -318,24 +319,22 @@ class Course:
         step = np.full(delay.shape, 0.12)
         previous_late_s, slope = np.zeros(delay.shape), np.zeros(delay.shape)
         tolerance = np.maximum(_TIME_TOLERANCE * self.time, _TIME_TOLERANCE_S)
+        waits_from = np.where(self.can_wait, self.max_delay, np.inf)
         change, speed = np.full(delay.shape, np.inf), np.zeros(self.position.shape)
         # a bound of the time; a choice
         for _ in range(30):
             speed, driving_s = self.drive(delay, speed, change != 0.0)
             late_s = np.add.reduceat(driving_s, self.ends - self.cells) - self.time
+            off_s = np.abs(late_s)
             np.divide(late_s - previous_late_s, change, out=slope, where=change != 0.0)
             # settled: in tolerance, or early with a stop in which the car can wait, or late and as fast as possible
-            settled = (
-                (np.abs(late_s) <= tolerance)
-                | ((late_s < 0) & (delay >= self.max_delay) & self.can_wait)
-                | ((late_s > 0) & (delay <= min_delay))
-            )
+            settled = (off_s <= tolerance) | np.where(late_s < 0, delay >= waits_from, delay <= min_delay)
             if settled.all():
                 break
             step = np.where(late_s * previous_late_s < 0, 0.5 * step, np.minimum(1.5 * step, 0.5))
-            correction = np.divide(np.abs(late_s), slope, out=step.copy(), where=slope > 0)
-            correction = np.where(settled, 0.0, -np.sign(late_s) * np.minimum(correction, step))
-            new_delay = np.minimum(np.maximum(delay + correction, min_delay), self.max_delay)
+            size = np.minimum(np.divide(off_s, slope, out=step.copy(), where=slope > 0), step)
+            wanted = delay - np.where(settled, 0.0, np.copysign(size, late_s))
+            new_delay = np.minimum(np.maximum(wanted, min_delay), self.max_delay)
             change, previous_late_s, delay = new_delay - delay, late_s, new_delay
         return speed, driving_s
 
@@ -375,9 +374,8 @@ def ramp_speeds(position: FloatArray, ends: IntArray, free: FloatArray, style: L
     ramp = np.zeros_like(position)
     for beside in (borders[:, :-1], borders[:, 1:]):
         place, squared, change = np.repeat(beside, np.diff(ends, prepend=-1), axis=1)
-        squared -= change * np.abs(position - place)
-        np.maximum(ramp, np.sqrt(np.maximum(squared, 0.0)), out=ramp)
-    return ramp
+        np.maximum(ramp, squared - change * np.abs(position - place), out=ramp)
+    return np.sqrt(ramp)
 
 
 def number_of_dips(
