@@ -45,7 +45,7 @@ class TestCorrectors:
         corrector.model.fit(rows, rng.normal(0.0, 300.0, 60), np.repeat(np.arange(6), 10), np.full(60, 0.05))
 
         def outside(time_s: float) -> np.ndarray:
-            return corrector.outside_factor(SimpleNamespace(features=rows.assign(time_s=time_s)))
+            return corrector.outside_factor(SimpleNamespace(columns=rows.assign(time_s=time_s)))
 
         assert outside(1800.0).shape == (60, 0)
         assert (outside(3500.0) < outside(3600.0)).all()

@@ -18,7 +18,7 @@ import pandas as pd
 
 from tripwatt.arrays import FloatArray
 from tripwatt.errors import Fault, raise_faults
-from tripwatt.learners.gp import float_columns
+from tripwatt.learners.gp import Table, float_columns
 from tripwatt.trips import TEMPERATURES
 
 FADING: Final = (*TEMPERATURES, "speed_m_s", "trip_speed_m_s")
@@ -107,11 +107,11 @@ class Familiarity:
         names = [name for name in FADING if name in columns and name in features]
         return cls({name: seen for name in names if (seen := Range.from_values(features[name])) is not None})
 
-    def share(self, features: pd.DataFrame) -> FloatArray:
+    def share(self, features: Table) -> FloatArray:
         """Share of the correction that counts in each row, shape (rows,): 1 inside the ranges, towards 0 far outside.
 
         It is ``exp(-d² / 2)``, where ``d²`` is the sum of the squared distances of all covariates.
         """
         columns = float_columns(features)
         squares = (seen.beyond(columns[n]) ** 2 for n, seen in self.ranges.items() if n in columns)
-        return np.asarray(np.exp(-0.5 * sum(squares, start=np.zeros(len(features)))))
+        return np.asarray(np.exp(-0.5 * sum(squares, start=np.zeros(len(next(iter(columns.values())))))))

@@ -285,7 +285,7 @@ class GPCorrector(PowerCorrector):
 
     def outside_factor(self, table: SegmentTable) -> FloatArray:
         """Factor from the prior of the process: for times beyond those of the training, and for the faded part of the correction."""
-        rows = table.features
+        rows = table.columns
         share = self.familiarity.share(rows)[:, None]
         edge = self.model.outside_factor(rows, {"time_s": SETTLED_S}, inside=self.familiarity.ranges)
         if (share == 1.0).all():
@@ -295,8 +295,8 @@ class GPCorrector(PowerCorrector):
 
     def predict_with_uncertainty(self, table: SegmentTable, hours: FloatArray | None = None) -> Uncertain:
         """Residual power and factor of its covariance, computed from the same features."""
-        features, _ = self.model.features(table.features)
-        share = self.familiarity.share(table.features)
+        features, _ = self.model.features(table.columns)
+        share = self.familiarity.share(table.columns)
         shape = less_trip_mean((features @ self.shape * share)[:, None], table)[:, 0]
         factor = self.model.factor(summed(features, hours, share))
         return features @ self.model.weights_ * share + shape, factor
@@ -306,7 +306,7 @@ def less_trip_mean(values: FloatArray, table: SegmentTable) -> FloatArray:
     """Columns minus their mean over the time of each trip, shape (rows, columns)."""
     sums = np.add.reduceat(values * table.hours[:, None], table.offsets[:-1], axis=0)
     means = sums / np.add.reduceat(table.hours, table.offsets[:-1])[:, None]
-    return np.asarray(values - means[table.groups])
+    return np.asarray(values - np.repeat(means, np.diff(table.offsets), axis=0))
 
 
 TREE_FEATURES: Final = (
@@ -342,7 +342,7 @@ class LearnerCorrector(PowerCorrector):
     def predict(self, table: SegmentTable) -> FloatArray:
         """Residual power [W]."""
         power = np.asarray(self.model.predict(self.columns(table)), dtype=np.float64)
-        return power * self.familiarity.share(table.features)
+        return power * self.familiarity.share(table.columns)
 
     def columns(self, table: SegmentTable) -> pd.DataFrame:
         """Columns of a table that the learner uses as features."""
@@ -437,7 +437,7 @@ class GammCorrector(PowerCorrector):
     def predict(self, table: SegmentTable) -> FloatArray:
         """Residual power [W]; the random effect of a new trip is 0."""
         power = np.asarray(self.model.predict(self._frame(table)), dtype=np.float64)
-        return power * self.familiarity.share(table.features)
+        return power * self.familiarity.share(table.columns)
 
     def _frame(self, table: SegmentTable, *, trips: bool = False) -> pd.DataFrame:
         frame = table.features.fillna(self.medians_.fillna(0.0).to_dict())

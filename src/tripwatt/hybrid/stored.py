@@ -117,7 +117,7 @@ class StoredTrees(PowerCorrector):
         """Residual power [W]."""
         X = np.column_stack([table.columns[c] for c in self.columns])
         power = self.start + (self.trees.sum(X) + self.rest) / (self.divisor or 1)
-        return np.asarray(power * self.familiarity.share(table.features))
+        return np.asarray(power * self.familiarity.share(table.columns))
 
 
 KINDS: Final[Mapping[str, type]] = {

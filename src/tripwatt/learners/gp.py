@@ -23,6 +23,9 @@ from numpy.linalg import cholesky, solve
 from tripwatt.arrays import FloatArray, covariance_factor
 from tripwatt.errors import Fault, InvalidInput, raise_faults
 
+Table = pd.DataFrame | Mapping[str, FloatArray]
+"""Columns by name: a data frame, or arrays of shape (rows,)."""
+
 _JITTER: Final = 1e-8
 # most inducing points of a term in one column; terms in several columns have four times as many
 _INDUCING: Final = 10
@@ -148,11 +151,11 @@ class AdditiveGP:
         self._fit_totals(totals, target, np.array(effects))
         return self
 
-    def predict(self, X: pd.DataFrame) -> FloatArray:
+    def predict(self, X: Table) -> FloatArray:
         """Mean of the sum of the terms, shape (rows,); the group effect of a new group is 0."""
         return np.asarray(self._features(X) @ self.weights_)
 
-    def features(self, X: pd.DataFrame) -> tuple[FloatArray, FloatArray]:
+    def features(self, X: Table) -> tuple[FloatArray, FloatArray]:
         """Features of the rows, shape (rows, features), and the prior variance of their weights before any data."""
         return self._features(X), self._by_feature([term.sd**2 for term in self.terms])
 
@@ -166,7 +169,7 @@ class AdditiveGP:
 
     def outside_factor(
         self,
-        X: pd.DataFrame,
+        X: Table,
         at_most: Mapping[str, float] = types.MappingProxyType({}),
         inside: Collection[str] = (),
     ) -> FloatArray:
@@ -177,7 +180,7 @@ class AdditiveGP:
         variance far outside. Each column of the result is the root of this, the error of one term, common to all rows of a
         group. Columns of `X` in `at_most` are limited to the given values; those in `inside` count as inside of their range.
         """
-        columns = float_columns(X)
+        columns = dict(float_columns(X))
         columns |= {name: np.minimum(columns[name], most) for name, most in at_most.items()}
         smooth = [(i, term) for i, term in enumerate(self.terms) if term.kind == "smooth"]
         names = dict.fromkeys(c for _, term in smooth for c in term.columns if c not in inside)
@@ -192,7 +195,7 @@ class AdditiveGP:
             for i, term in smooth
             if (outside := [distance2[c] for c in term.columns if c in distance2])
         ]
-        return np.column_stack(spreads) if spreads else np.zeros((len(X), 0))
+        return np.column_stack(spreads) if spreads else np.zeros((len(next(iter(columns.values()))), 0))
 
     def to_arrays(self) -> dict[str, npt.NDArray[Any]]:
         """Return everything that prediction needs, as plain arrays."""
@@ -261,11 +264,10 @@ class AdditiveGP:
         """Repeat a value of each term for all features of the term."""
         return np.repeat(np.asarray(of_terms), self._sizes())
 
-    def _features(self, X: pd.DataFrame) -> FloatArray:
-        ends = np.cumsum(self._sizes())
-        features = np.empty((len(X), ends[-1]))
+    def _features(self, X: Table) -> FloatArray:
+        columns, ends = float_columns(X), np.cumsum(self._sizes())
+        features = np.empty((len(next(iter(columns.values()))), ends[-1]))
         smooth = dict.fromkeys(c for term in self.terms if term.kind == "smooth" for c in term.columns)
-        columns = float_columns(X)
         # the first value if all are equal, such as a temperature at departure in the rows of a trip
         held = {n: c[:1] if (c == c[:1]).all() else c for n in smooth for c in [self._held(columns, n)]}
         for i, (term, end) in enumerate(zip(self.terms, ends, strict=True)):
@@ -351,8 +353,10 @@ class AdditiveGP:
         return np.asarray((self.df + squared) / (self.df + 1.0))
 
 
-def float_columns(X: pd.DataFrame) -> dict[str, FloatArray]:
+def float_columns(X: Table) -> Mapping[str, FloatArray]:
     """Numeric columns by name; a table of floats only is converted at once."""
+    if not isinstance(X, pd.DataFrame):
+        return X
     values = X.to_numpy()
     if values.dtype != np.float64:
         X = X.select_dtypes(["number", "bool"])
