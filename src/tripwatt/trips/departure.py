@@ -144,9 +144,7 @@ class Departure:
         return object.__new__(cls)
 
     def __post_init__(self) -> None:
-        raise_faults(
-            fault for name, field in FIELDS.items() for fault in field.faults(name, getattr(self, name))
-        )
+        raise_faults(fault for name, value in self._known() for fault in FIELDS[name].faults(name, value))
         if self.covariates is not None:
             object.__setattr__(self, "covariates", dict(self.covariates))
         if self.extras is not None:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable, Mapping
-from dataclasses import asdict
 from fractions import Fraction
 from functools import cache
 from typing import Any, Final
@@ -160,4 +159,5 @@ def flag_to_dict(flag: Flag) -> dict[str, Any]:
     >>> flag_to_dict(Flag("links_too_long", "links", 6000.0, "m"))["code"]
     'links_too_long'
     """
-    return {**asdict(flag), "message": message(flag)}
+    fields = {"code": flag.code, "subject": flag.subject, "value": flag.value, "unit": flag.unit}
+    return {**fields, "message": message(flag)}

@@ -136,8 +136,10 @@ class Plan(Sampled):
     heading_deg: FloatArray | None = None
     pauses: tuple[Pause, ...] = ()
     climb: KnownClimb | None = None
+    _values: FloatArray = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
+        object.__setattr__(self, "_values", self.samples.to_numpy(dtype=np.float64))
         _require_duration(self.duration_s, self.trip_id)
 
     def array(self, column: str) -> FloatArray:
@@ -163,8 +165,7 @@ class Plan(Sampled):
         >>> Plan.from_samples(pd.DataFrame({"time_s": [0.0, 1.0], "speed_m_s": [0.0, 2.0]}), "start").array("speed_m_s")
         array([0., 2.])
         """
-        place = self.samples.columns.get_loc(column)
-        return np.asarray(self.samples.to_numpy(dtype=np.float64)[:, place])
+        return np.asarray(self._values[:, self.samples.columns.get_loc(column)])
 
     @classmethod
     def from_trace(

@@ -136,7 +136,7 @@ def table_of(columns: Mapping[str, Any]) -> pd.DataFrame:
     table = np.empty((len(columns), len(next(iter(columns.values()), ()))))
     for row, values in zip(table, columns.values(), strict=True):
         row[:] = values
-    return pd.DataFrame(table.T, columns=_names(tuple(columns)))
+    return pd.DataFrame(table.T, columns=_names(tuple(columns)), copy=False)
 
 
 def columns_of(samples: pd.DataFrame) -> dict[str, list[float | None]]:
