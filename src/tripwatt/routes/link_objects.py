@@ -139,7 +139,7 @@ class _Faults:
 
         `got` takes the index of a wrong link. `key` is empty if the link as a whole is wrong.
         """
-        bad = np.flatnonzero(wrong).tolist()
+        bad = np.flatnonzero(wrong).tolist() if wrong.any() else []
         # up to three faults are listed one by one; of more, only the first is listed and the others are counted
         listed, count = (bad, "") if len(bad) <= 3 else (bad[:1], and_more(bad, "links"))
         for k in listed:
@@ -169,10 +169,11 @@ def columns_of_links(links: Sequence[object], where: str = "") -> tuple[dict[str
     if len(links) > MAX_LINKS:
         got, allowed = f"more than {MAX_LINKS}", f"at most {MAX_LINKS}"
         wrong.faults.append(Fault("too many links", "links", got, allowed))
-    no_link = np.array([not isinstance(link, Mapping) for link in links])
+    is_mapping = {kind: issubclass(kind, Mapping) for kind in set(map(type, links))}
+    no_link = np.array([not is_mapping[type(link)] for link in links])
     allowed = "an object with length_m and speed_m_s"
     wrong.add("not a link", no_link, "", lambda k: excerpt(links[k]), allowed)
-    rows: list[Mapping[str, Any]] = [link if isinstance(link, Mapping) else {} for link in links]
+    rows: list[Any] = [{} if wrong_kind else link for link, wrong_kind in zip(links, no_link, strict=True)]
     given = set[Any]().union(*rows)
     _unknown_keys(rows, wrong)
     columns = {key: np.full(len(rows), np.nan) for key in LINK_KEYS}

@@ -9,7 +9,7 @@ from operator import attrgetter
 from pathlib import Path
 from typing import Any, Final, get_type_hints
 
-from cachetools import LRUCache
+from cachetools import LRUCache, cached
 
 from tripwatt.certification import describe_car
 from tripwatt.errors import Fault, InvalidInput, places_named, require_one
@@ -54,6 +54,8 @@ from tripwatt.vehicles import Vehicle, find_vehicles, require_vehicle
 MAX_TRANSFERRED: Final = 64
 """Most models on other cars that a worker keeps; the least recently used is dropped first. A choice."""
 
+PARAMETER_TYPES: Final = cached(LRUCache(256))(get_type_hints)
+"""Types of the parameters of a job by name, which take a while to find."""
 
 Known = Mapping[str, Any]
 NOTHING: Final[Known] = {}
@@ -155,7 +157,7 @@ class Jobs:
         """
         work: Callable[..., dict[str, Any] | bytes] = attrgetter(kind)(self)
         arguments = {**parameters, "body": body}
-        types = get_type_hints(work)
+        types = PARAMETER_TYPES(work)
         if "request" in types:
             request = check_request(parse_json(body), types["request"], self)
             arguments["request"] = _with_charge(request, parameters.get("last_message") or {})

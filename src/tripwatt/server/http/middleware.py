@@ -95,7 +95,7 @@ class ServiceMiddleware:
 
     def __init__(self, app: ASGIApp, settings: Settings, metrics: Metrics, log: Callable[..., None]) -> None:
         self.app, self.settings, self.metrics, self.log = app, settings, metrics, log
-        self.token = settings.token.encode()
+        self.token, self.hosts = settings.token.encode(), settings.hosts
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Handle one request."""
@@ -118,7 +118,7 @@ class ServiceMiddleware:
         Problem
             `host-not-served`, `foreign-site` or `token-needed`.
         """
-        allowed, path = self.settings.hosts, scope["path"]
+        allowed, path = self.hosts, scope["path"]
         names = [re.sub(r":\d*$", "", host).lower() for host in headers.getlist("host")]
         if allowed and (len(names) != 1 or names[0] not in allowed):
             raise Problem("host-not-served", "the Host header does not name this service")

@@ -394,8 +394,7 @@ class TripRequest(DepartureRequest):
 
 def departure_of(request: DepartureRequest) -> Departure:
     """Return the departure of a request."""
-    fields = {name: getattr(request, name) for name in ASKED if name in type(request).model_fields}
-    return Departure(**fields)
+    return Departure(**request.model_dump(include={*ASKED}))
 
 
 class RoadRequest(StrictModel):

@@ -147,9 +147,8 @@ class Settings:
         >>> "localhost" in Settings().hosts, Settings(host="0.0.0.0").hosts
         (True, frozenset())
         """
-        if not is_loopback(self.host):
-            return frozenset()
-        return frozenset({"localhost", "127.0.0.1", "[::1]", self.host.lower()})
+        own = "localhost", "127.0.0.1", "[::1]", self.host.lower()
+        return frozenset(own if is_loopback(self.host) else ())
 
 
 def is_loopback(host: str) -> bool:

@@ -33,6 +33,7 @@ ENVIRONMENT: Final[Mapping[str, str]] = {
     "OMP_NUM_THREADS": "1",
     "OPENBLAS_NUM_THREADS": "1",
     "ARROW_DEFAULT_MEMORY_POOL": "system",  # the others reserve a gigabyte at their start
+    "GLIBC_TUNABLES": "glibc.malloc.hugetlb=1",  # arrays on few large pages: fewer of their addresses are looked up
 }
 """Variables that a worker needs before it loads its libraries."""
 
