@@ -33,7 +33,22 @@ def running_sum(steps: npt.ArrayLike) -> FloatArray:
     >>> running_sum([1.0, 2.0]).tolist()
     [0.0, 1.0, 3.0]
     """
-    return np.concatenate(([0.0], np.cumsum(steps)))
+    sums = np.zeros(np.size(steps) + 1)
+    np.cumsum(steps, out=sums[1:])
+    return sums
+
+
+def changes(values: FloatArray) -> FloatArray:
+    """Change from the value before along the last axis, 0 for the first, shape of `values`.
+
+    Examples
+    --------
+    >>> changes(np.array([5.0, 6.0, 4.0])).tolist()
+    [0.0, 1.0, -2.0]
+    """
+    since = np.zeros_like(values)
+    np.subtract(values[..., 1:], values[..., :-1], out=since[..., 1:])
+    return since
 
 
 def distance_driven(time_s: FloatArray, speed_m_s: FloatArray) -> FloatArray:

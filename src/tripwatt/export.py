@@ -15,7 +15,7 @@ from typing import Final
 
 import numpy as np
 
-from tripwatt.arrays import FloatArray, IntArray
+from tripwatt.arrays import FloatArray, IntArray, changes
 from tripwatt.errors import Fault, InvalidInput
 from tripwatt.physics import Simulation, simulate_trip
 from tripwatt.physics.battery import usable_energy_wh
@@ -238,7 +238,7 @@ class _Driver:
     def _change_wh(self, speed: FloatArray, start: int) -> float:
         """Energy [Wh] of a change of speed from sample `start` on, less what the same stretch takes at constant speeds."""
         _, run = self.driving_wh(self.trip(speed))
-        hours = np.diff(run.time_s, prepend=run.time_s[:1]) * WH_PER_J
+        hours = changes(run.time_s) * WH_PER_J
         auxiliary = sum(run.power_by_cause_w[cause] for cause in AUXILIARIES)
         total = float(np.sum(((run.battery_power_w - auxiliary) * hours)[start:]))
         mean = 0.5 * (speed[1:] + speed[:-1])[start - 1 :]

@@ -47,7 +47,7 @@ DRIVES = [drive(k, n, **known) for k, (n, known) in enumerate(itertools.product(
 
 
 def assert_same(one, many):
-    for name in one.__slots__:
+    for name in vars(one):
         expected, found = getattr(one, name), getattr(many, name)
         if name == "power_by_cause_w":
             for cause in CAUSES:

@@ -271,8 +271,8 @@ class Along:
         levels, wh = np.array(p, dtype=np.float64), self.wh_per_display
         sd_wh = np.repeat([self.energy_sd_wh[-1], self.charge_sd[-1] * wh], len(p))
         excess_wh = self.excess.at(-1).quantiles(np.concatenate((levels, 1.0 - levels)), sd_wh)
-        more_wh, charge_excess_wh = np.split(excess_wh, 2)
-        return self.energy_beyond(more_wh, -1), np.clip(self.charge[-1] - charge_excess_wh / wh, 0.0, 1.0)
+        charge = self.charge[-1] - excess_wh[len(p) :] / wh
+        return self.energy_beyond(excess_wh[: len(p)], -1), np.clip(charge, 0.0, 1.0)
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Final, Protocol
 import numpy as np
 import pandas as pd
 
-from tripwatt.arrays import FloatArray, running_sum
+from tripwatt.arrays import FloatArray, changes, running_sum
 from tripwatt.errors import InvalidInput
 from tripwatt.forecasting.along import Along, Arrival, F, Trajectories, at_fractions, distance_below
 from tripwatt.forecasting.difference import Difference, Shared, sd_between
@@ -415,7 +415,7 @@ class Forecast:
     @property
     def by_cause_wh(self) -> dict[str, float]:
         """Energy by cause [Wh]; the parts add up to `energy_wh`. Losses inside the battery are not included."""
-        parts, table = self.drive.simulation.by_cause_wh, self.drive.table
+        parts, table = dict(self.drive.simulation.by_cause_wh), self.drive.table
         simulated = float(table.simulated_w @ table.hours)
         parts["climate"] += simulated - sum(parts.values())  # rounding of the segments' ends
         course_wh = float(self._course_wh[-1])
@@ -434,8 +434,7 @@ class Forecast:
     def battery_loss_wh(self) -> float:
         """Energy lost as heat inside the battery [Wh], not included in the energy at its terminals."""
         simulation = self.drive.simulation
-        step = np.diff(simulation.time_s, prepend=simulation.time_s[0])
-        return float(simulation.battery_loss_w @ step / SECONDS_PER_HOUR)
+        return float(simulation.battery_loss_w @ changes(simulation.time_s) / SECONDS_PER_HOUR)
 
     def climb_to(self, reserve: float = 0.0) -> float | None:
         """Net climb of the rest of the road at which the expected charge at arrival falls to a reserve, for unknown heights.

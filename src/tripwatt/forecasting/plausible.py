@@ -231,8 +231,10 @@ def _weight_wh_m(drive: ExpectedTrip) -> float:
 
 
 def _charge_faults(samples: Columns, drive: ExpectedTrip) -> Iterator[Fault]:
+    further_m = 0.0 if drive.plan.has_road else 500.0  # descent that a road of unknown elevation may have
+    planned_wh = _largest_rise(-running_sum(drive.table.columns["climb_w"] * drive.table.hours))
     # 5 points: corrections by the battery management and regenerative braking
-    allowed = 0.05 + _descent_wh(drive) / battery_wh(drive)
+    allowed = 0.05 + (planned_wh + _weight_wh_m(drive) * further_m) / battery_wh(drive)
     for name in ("soc", "displayed_soc"):
         values = samples.get(name, np.empty(0))
         rise = _largest_rise(values[np.isfinite(values)])
@@ -244,10 +246,3 @@ def _charge_faults(samples: Columns, drive: ExpectedTrip) -> Iterator[Fault]:
 
 def _largest_rise(values: FloatArray) -> float:
     return float(np.max(values - np.minimum.accumulate(values))) if len(values) else 0.0
-
-
-def _descent_wh(drive: ExpectedTrip) -> float:
-    """Potential energy of the largest descent of the road [Wh]."""
-    further_m = 0.0 if drive.plan.has_road else 500.0  # descent that a road of unknown elevation may have
-    planned_wh = _largest_rise(-running_sum(drive.table.columns["climb_w"] * drive.table.hours))
-    return planned_wh + _weight_wh_m(drive) * further_m

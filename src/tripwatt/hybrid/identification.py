@@ -27,7 +27,7 @@ from typing import Any, Final, cast
 import numpy as np
 import pandas as pd
 
-from tripwatt.arrays import FloatArray
+from tripwatt.arrays import FloatArray, changes
 from tripwatt.auditing.signals import blank_stuck_heater
 from tripwatt.hybrid.climate_log import CLIMATE_COLUMNS
 from tripwatt.hybrid.climate_values import FARTHEST, MIN_TRIPS, ClimateRecord, climate_values
@@ -277,7 +277,7 @@ def _torque_rows(trip: Trip, vehicle: Vehicle) -> tuple[FloatArray, FloatArray]:
         return np.empty((0, 4)), np.empty((0, 2))
     drivetrain, torque = vehicle.drivetrain, _over_intervals(torque)
     run = simulate_trip(vehicle, trip)
-    step, speed = np.diff(run.time_s, prepend=run.time_s[0]), _over_intervals(trip.array("speed_m_s"))
+    step, speed = changes(run.time_s), _over_intervals(trip.array("speed_m_s"))
     efficiency = np.where(torque > 0.0, drivetrain.gearbox_efficiency, 1.0 / drivetrain.gearbox_efficiency)
     force = torque * efficiency * (drivetrain.gear_ratio / drivetrain.wheel_radius_m)
     metres = speed * step
@@ -318,7 +318,7 @@ def _braking_rows(
     turning = drivetrain.gear_ratio / drivetrain.wheel_radius_m
     possible = -run.wheel_power_w * drivetrain.gearbox_efficiency * rules.fraction
     # beyond this deceleration the car brakes, not only the road; a choice
-    slowing = -np.diff(speed, prepend=speed[:1]) > 0.3 * step
+    slowing = -changes(speed) > 0.3 * step
     bins = (speed / LOW_BIN_M_S).astype(np.int64)
     soft = possible < FRICTION_SHARE * rules.max_torque_nm * turning * speed
     low = slowing & soft & (possible > 0.0) & (bins < LOW_BINS) & (step > 0.0)

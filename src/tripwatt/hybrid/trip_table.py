@@ -10,7 +10,7 @@ from typing import Final, Protocol, Self
 import numpy as np
 import pandas as pd
 
-from tripwatt.arrays import FloatArray, IntArray
+from tripwatt.arrays import FloatArray, IntArray, changes
 from tripwatt.hybrid.rows import RowTable
 from tripwatt.hybrid.segments import require_measured
 from tripwatt.physics import simulate_trip
@@ -210,12 +210,12 @@ def _covariates(blocks: Sequence[Trip]) -> tuple[pd.DataFrame, tuple[str, ...]]:
 def _totals(block: Trip) -> pd.DataFrame:
     """Running sums for the linear baselines along one trip; the outside temperature is the trip's mean."""
     time, speed = block.array("time_s"), block.array("speed_m_s")
-    step = np.diff(time, prepend=time[0])
+    step = changes(time)
     hours = (time - time[0]) / SECONDS_PER_HOUR
     ambient = COMFORT_TEMPERATURE_DEGC
     if block.has("ambient_temperature_degc"):
         ambient = float(np.nanmean(block.array("ambient_temperature_degc")))
-    increments = np.diff(speed, prepend=speed[0])
+    increments = changes(speed)
     return pd.DataFrame(
         {
             "distance_km": np.cumsum(speed * step) / 1000.0,

@@ -11,7 +11,7 @@ from typing import Any, Final, TypeVar
 import numpy as np
 import numpy.typing as npt
 
-from tripwatt.arrays import FloatArray, by_key
+from tripwatt.arrays import FloatArray, by_key, changes
 from tripwatt.errors import Fault, InvalidInput, raise_faults
 from tripwatt.physics.cabin import CabinRun, condition_cabins
 from tripwatt.physics.chain import Flags, Trace, drive_chain, energies
@@ -251,7 +251,7 @@ def _simulations(drives: Sequence[Drive], cabins: Sequence[CabinRun | None]) -> 
 def _totals(drives: Sequence[Drive], cabins: Sequence[CabinRun | None]) -> Iterator[dict[str, Any]]:
     power = [c.power_w if c else drive.climate(c)[0] for drive, c in zip(drives, cabins, strict=True)]
     arrays, flags = _driven(drives, power)
-    step_h = np.diff(arrays["time_s"], prepend=arrays["time_s"][:, :1]) * WH_PER_J
+    step_h = changes(arrays["time_s"]) * WH_PER_J
     energies = {
         f"energy_{cause}_wh": np.einsum("ij,ij->i", power, step_h)
         for cause, power in arrays["power_by_cause_w"].items()

@@ -210,7 +210,7 @@ def discharge(
     soc, temperature = guess
     empty = np.minimum(initial_soc, battery.displayed_zero_soc)
     room = np.maximum(battery.displayed_full_soc - initial_soc, 0.0)
-    highest_w = power_w.max(axis=-1, keepdims=True)
+    highest_w, cools = power_w.max(axis=-1, keepdims=True), np.all(loss > 0.0)
     for _ in range(MAX_PASSES):
         before = np.maximum(shift(initial_soc, soc), empty)
         ocv = open_circuit_voltage(before, battery)
@@ -231,7 +231,7 @@ def discharge(
         if limited:
             voltage = np.where(power_w > bound, lowest_voltage(ocv, floor_v), voltage)
         heat = current * (ocv - voltage)
-        if np.all(loss > 0.0):
+        if cools:
             warmed = warming.solve(initial_temperature_degc, ambient_temperature_degc + heat / loss)
         else:
             gained_k = heat * (step_s / battery.heat_capacity_j_k)

@@ -13,7 +13,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from tripwatt.arrays import BoolArray, FloatArray
+from tripwatt.arrays import BoolArray, FloatArray, changes
 from tripwatt.physics.battery import BatteryRun, discharge, first_guess, shift
 from tripwatt.physics.conditions import DriveConditions
 from tripwatt.physics.drivetrain import Propulsion, propulsion, regeneration_acceptance, with_refused
@@ -71,13 +71,10 @@ class Trace:
         beyond: BoolArray | None = None,
     ) -> Trace:
         """Make intervals from samples; `grade` is already the one of the intervals."""
-        step = np.diff(time, prepend=time[..., :1])
+        step = changes(time)
         mean_speed = speed.copy()
         mean_speed[..., 1:] = 0.5 * (speed[..., 1:] + speed[..., :-1])
-        acceleration = np.zeros_like(speed)
-        change = speed[..., 1:] - speed[..., :-1]
-        within = True if beyond is None else ~beyond[..., 1:]
-        np.divide(change, step[..., 1:], out=acceleration[..., 1:], where=within)
+        acceleration = np.divide(changes(speed), step, out=np.zeros_like(speed), where=step > 0.0)
         if beyond is not None:
             mean_speed[beyond] = 0.0
         if step.ndim > 1 and (step == step[:1]).all():
@@ -244,8 +241,7 @@ def _drive_and_battery(
     rules, battery, step = vehicle.regeneration, vehicle.battery, trace.step_s
     soc, temperature = conditions.initial_soc, conditions.battery_start_degc
     ambient = conditions.ambient_temperature_degc
-    start = np.atleast_1d(np.asarray(soc)), np.atleast_1d(np.asarray(temperature))
-    acceptance = regeneration_acceptance(*start, rules)
+    acceptance = np.atleast_1d(regeneration_acceptance(np.asarray(soc), np.asarray(temperature), rules))
     hardest = -wheel_power.min(axis=-1, keepdims=True) * rules.fraction
     guess: tuple[FloatArray, FloatArray] | None = None
     # at most six passes, to bound the time; a choice
@@ -283,8 +279,7 @@ def _lost_when_full_wh(
     full = refuses | (run.soc.max(axis=-1, keepdims=True) > rules.full_soc)
     if not full.any():
         return np.zeros(full.shape)
-    with_room = np.broadcast_to(rules.full_soc, run.soc.shape)
-    acceptance = regeneration_acceptance(with_room, run.temperature_degc, rules)
+    acceptance = regeneration_acceptance(np.asarray(rules.full_soc), run.temperature_degc, rules)
     roomy = propulsion(wheel_power, trace.mean_speed_m_s, acceptance, vehicle.drivetrain, rules)
     lost = ((drive.motor_power_w - roomy.motor_power_w) * trace.step_s).sum(axis=-1, keepdims=True)
     return np.asarray(np.where(full, lost * WH_PER_J, 0.0))

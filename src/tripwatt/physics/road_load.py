@@ -191,9 +191,10 @@ def grade_from_elevation(time_s: FloatArray, speed_m_s: FloatArray, elevation_m:
     steepest = STEEPEST_GRADE * border[1]
     if (np.abs(np.diff(height)) > steepest).any():
         height = _with_slope_at_most(steepest, height)
-    half = (len(GRADE_WEIGHT) + 1) // 2
+    rise, reach = height[1:] - height[:-1], len(GRADE_WEIGHT) // 2
     # Mirrored ends let the smoothed slopes climb exactly as high as the unsmoothed ones.
-    rise = np.convolve(np.pad(np.diff(height), half - 1, mode="symmetric"), GRADE_WEIGHT, mode="valid")
+    place = np.arange(-reach, len(rise) + reach) % (2 * len(rise))
+    rise = np.convolve(rise[np.minimum(place, 2 * len(rise) - 1 - place)], GRADE_WEIGHT, mode="valid")
     climb = np.interp(distance, border, running_sum(rise))
     piece = np.minimum((distance / border[1]).astype(np.int64), len(rise) - 1)
     slope = rise[piece] / border[1]

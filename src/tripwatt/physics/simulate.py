@@ -5,12 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
 import numpy.typing as npt
 
-from tripwatt.arrays import FloatArray
+from tripwatt.arrays import FloatArray, changes
 from tripwatt.errors import Fault, raise_faults
 from tripwatt.physics.cabin import CabinRun, CabinTask, condition_cabins, irradiance
 from tripwatt.physics.chain import CAUSE_NAMES, Trace, drive_chain
@@ -29,7 +30,7 @@ if TYPE_CHECKING:
 STRONGEST_WIND_M_S: Final = QUANTITIES["wind_speed_m_s"].maximum
 
 
-@dataclass(frozen=True, eq=False, slots=True, repr=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Simulation:
     """Forces, powers and state of a car along a trip. Arrays have shape (samples,).
 
@@ -108,16 +109,16 @@ class Simulation:
         """Energy of the whole trip at the battery terminals [Wh]."""
         return float(self.energy_wh[-1])
 
-    @property
+    @cached_property
     def by_cause_wh(self) -> dict[str, float]:
         """Energy of the whole trip [Wh] due to each of `CAUSES`, as in `Forecast.by_cause_wh`; the sum is `simulated_energy_wh`."""
-        hours = np.diff(self.time_s, prepend=self.time_s[:1]) * WH_PER_J
+        hours = changes(self.time_s) * WH_PER_J
         return {cause: float(power @ hours) for cause, power in self.power_by_cause_w.items()}
 
     @property
     def cumulative_by_cause_wh(self) -> dict[str, FloatArray]:
         """Cumulative energy [Wh] due to each of `CAUSES`; the sum is `energy_wh`."""
-        hours = np.diff(self.time_s, prepend=self.time_s[:1]) * WH_PER_J
+        hours = changes(self.time_s) * WH_PER_J
         return {cause: np.cumsum(power * hours) for cause, power in self.power_by_cause_w.items()}
 
     def to_frame(self) -> pd.DataFrame:
@@ -130,8 +131,7 @@ class Simulation:
         """
         import pandas as pd
 
-        names = [n for n in self.__slots__ if n not in ("power_by_cause_w", "flags")]
-        columns = {n: getattr(self, n) for n in names}
+        columns = {name: values for name, values in vars(self).items() if isinstance(values, np.ndarray)}
         columns |= {f"energy_{cause}_wh": e for cause, e in self.cumulative_by_cause_wh.items()}
         return with_units(pd.DataFrame(columns))
 

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from tripwatt.arrays import FloatArray, by_key, distance_driven, running_sum
+from tripwatt.arrays import FloatArray, by_key, changes, distance_driven, running_sum
 from tripwatt.errors import Fault, InvalidInput, grouped, raise_faults
 from tripwatt.sources.archives import unpacked
 from tripwatt.sources.clocks import decide_format
@@ -256,7 +256,7 @@ def _energy_by_charge(log: Log, mapping: ColumnMapping) -> float | None:
         return None
     time, charge = log.array("time_s"), log.array(name)
     # nobody knows what a battery gave and got in a gap
-    piece = np.cumsum(np.diff(time, prepend=time[0]) > LONGEST_GAP_S)
+    piece = np.cumsum(changes(time) > LONGEST_GAP_S)
     known = np.flatnonzero(np.isfinite(charge))
     inside = np.diff(piece[known]) == 0
     taken, fall = (float(np.diff(values[known])[inside].sum()) for values in (energy, -charge))

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tripwatt.arrays import BoolArray, FloatArray, IntArray
+from tripwatt.arrays import BoolArray, FloatArray, IntArray, changes
 from tripwatt.physics.relaxation import Relaxation
 
 
@@ -253,7 +253,7 @@ def drift_variance(time_s: FloatArray, weight: FloatArray, fading_s: float) -> F
     Segment k adds ``w[k] (2 c[k] - w[k])``, where ``c[k]`` is the covariance of the sum up to k and the drift at k.
     """
     # as `fading_sums` without a loop, but not to the last digit, on which the drawn samples depend
-    c = Relaxation(np.diff(time_s, prepend=time_s[0]) / fading_s, adds=True).solve(0.0, weight)
+    c = Relaxation(changes(time_s) / fading_s, adds=True).solve(0.0, weight)
     return np.asarray(np.cumsum(weight * (2.0 * c - weight)))
 
 

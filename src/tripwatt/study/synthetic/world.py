@@ -12,7 +12,7 @@ from typing import Final
 
 import numpy as np
 
-from tripwatt.arrays import FloatArray
+from tripwatt.arrays import FloatArray, changes
 from tripwatt.physics import DriveConditions, simulate
 from tripwatt.physics.battery import BatteryRun, discharge
 from tripwatt.routes.driver import autoregression, smooth_noise
@@ -112,7 +112,7 @@ def simulate_truth(scenario: Scenario, drive: RoadDrive, vehicle: Vehicle, seed:
     trip_share = 0.015 * float(rng.standard_t(4.0))  # heavier tails than any model assumes
     noise = stream(seed, NOISE, *scenario.key)
     loads = _battery_loads(scenario, drive, climate, _at_samples(driven.battery_power_w), trip_share, noise)
-    total_w, step_s = np.sum(list(loads.values()), axis=0), np.diff(time, prepend=time[0])
+    total_w, step_s = np.sum(list(loads.values()), axis=0), changes(time)
     start = conditions.ambient_temperature_degc, scenario.soc, conditions.battery_start_degc
     battery = discharge(age_battery(vehicle.battery), total_w, step_s, *start)
     effects = {f"{name}_energy_wh": _energy_wh(power, time) for name, power in loads.items()}
