@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, Final
 
@@ -130,6 +130,7 @@ class UnknownClimb:
 
     offsets_wh: FloatArray
     weights: FloatArray
+    _solved: dict[tuple[ConformalScores, float, bytes], FloatArray] = field(default_factory=dict, init=False)
 
     @cached_property
     def core_sd_wh(self) -> FloatArray:
@@ -138,6 +139,8 @@ class UnknownClimb:
 
     def quantile(self, scores: ConformalScores, p: float, sd_wh: FloatArray) -> FloatArray:
         """Quantile of the sum of climb and error at each place [Wh], shape (places,). O(scenarios x `PLACES`).
+
+        Solved once for the same arguments: forecasts from several charges ask for the same medians.
 
         Parameters
         ----------
@@ -148,11 +151,13 @@ class UnknownClimb:
         sd_wh : ndarray, shape (places,)
             Standard deviation of the error [Wh].
         """
-        n = self.offsets_wh.shape[1]
-        places = np.unique(np.linspace(0, n - 1, min(PLACES, n)).round().astype(np.int64))
-        some = UnknownClimb(self.offsets_wh[:, places], self.weights)
-        energy_wh = some.quantiles(scores, np.array([p]), sd_wh[places])
-        return np.asarray(np.interp(np.arange(n), places, energy_wh), dtype=np.float64)
+        key = scores, p, sd_wh.tobytes()
+        if key not in self._solved:
+            places = np.unique(np.linspace(0, len(sd_wh) - 1, PLACES).round().astype(np.int64))
+            some = UnknownClimb(self.offsets_wh[:, places], self.weights)
+            energy_wh = some.quantiles(scores, np.array([p]), sd_wh[places])
+            self._solved[key] = np.interp(np.arange(len(sd_wh)), places, energy_wh)
+        return self._solved[key]
 
     def quantiles(self, scores: ConformalScores, p: FloatArray, sd_wh: FloatArray) -> FloatArray:
         """Quantiles of the sum of climb and error [Wh], in the broadcast shape of `p`, `sd_wh` and the places (or the only place).

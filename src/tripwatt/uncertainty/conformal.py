@@ -117,7 +117,7 @@ class ConformalScores:
         n = len(self.values)
         beyond = self.values[-1] * t4_half_width(np.minimum(level, 1.0 - 1e-9)) / t4_half_width(n / (n + 1))
         rank = level * (n + 1)
-        return np.where(rank <= n, np.interp(rank, self._ranks, self._from_zero), beyond)
+        return np.where(rank <= n, np.interp(rank, np.arange(n + 1.0), self._from_zero), beyond)
 
     def probability(self, standardised: float) -> float:
         """Probability that the error is below `standardised` standard deviations: the inverse of `factor`.
@@ -155,7 +155,7 @@ class ConformalScores:
         n, last = len(self.values), float(self.values[-1])
         size = np.abs(standardised)
         # equal scores make no step backwards
-        level = np.interp(size, self._from_zero, self._ranks) / (n + 1)
+        level = np.interp(size, self._from_zero, np.arange(n + 1.0)) / (n + 1)
         beyond = size > last
         if beyond.any():
             level[beyond] = _t4_level(size[beyond] / last * t4_half_width(n / (n + 1))) if last > 0 else 1.0
@@ -186,10 +186,6 @@ class ConformalScores:
     @cached_property
     def _from_zero(self) -> FloatArray:
         return np.concatenate(([0.0], self.values))
-
-    @cached_property
-    def _ranks(self) -> FloatArray:
-        return np.arange(len(self.values) + 1, dtype=np.float64)
 
 
 def _t4_level(half_width: FloatArray) -> FloatArray:

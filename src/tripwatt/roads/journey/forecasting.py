@@ -140,8 +140,9 @@ class RoadForecaster:
             Forecast for the model's car.
         """
         forecast = self.model.forecast(plan)
-        sd_wh = self._weather_sd_wh(forecast, weather)
-        return replace(forecast, state_sd_wh=float(np.hypot(forecast.state_sd_wh, sd_wh)))
+        sd_wh = np.hypot(forecast.state_sd_wh, self._weather_sd_wh(forecast, weather))
+        # without weather the same object: its cached properties are kept
+        return replace(forecast, state_sd_wh=float(sd_wh)) if weather else forecast
 
     def _weather_sd_wh(self, forecast: Forecast, weather: tuple[Weather, ...]) -> float:
         """Return the standard deviation of the energy by errors of forecast temperature and wind [Wh]; each takes one more simulation."""
