@@ -50,6 +50,7 @@ LONGEST = (
 
 def pytest_collection_finish() -> None:
     gc.freeze()
+    gc.set_threshold(100_000, 20)  # a site is a million nodes that stay, and a forecast leaves few cycles
     gc.enable()
 
 
