@@ -261,5 +261,5 @@ class PenaltyStack:
         # of the product of the roots, only the blocks of the levels meet the inverses of the levels
         both = E + 2 * np.einsum("ald,bld->abl", own, own)
         single = np.trace(inner, axis1=1, axis2=2) + np.einsum("jab,bal->j", levels, E)
-        pairs = np.einsum("abl,ibc,cdl,jda->ij", E, levels, both, levels, optimize=True)
-        return single, flat @ flat.T + pairs
+        left, right = np.einsum("abl,ibc->iacl", E, levels), np.einsum("cdl,jda->jacl", both, levels)
+        return single, flat @ flat.T + np.einsum("iacl,jacl->ij", left, right)
