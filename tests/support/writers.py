@@ -179,7 +179,7 @@ def run(text):
 """
 
 MAP: Final = """
-import json, sqlite3
+import json, osmium.filter, scipy.spatial, sqlite3  # once, so that no kill comes within an import
 from tripwatt.roads.maps import folder as module
 from tripwatt.roads.maps.folder import build_map, open_map
 EXTRACTS = {"old": 60, "new": 180}
