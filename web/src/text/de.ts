@@ -149,8 +149,8 @@ const de: Text = {
     navigate: "In einer Navigations-App öffnen",
     forThere: (time, arrival, leave, clock, day) =>
       `“ fahren und dort ${time} laden, von ${arrival} auf ${leave}; Ankunft dort${day && ` ${day}`} gegen ${clock}.`,
-    inPause: (time, least, after) =>
-      `${time} in der Pause (mindestens auf ${least}${after && `, etwa ${after}`})`,
+    atLeast: (least, after) => `mindestens auf ${least}${after && ` (etwa ${after})`}`,
+    inPause: (least, leave, time) => `“ in der Pause: ${least}. Auf ${leave} ${time}.`,
     withPower: (time, power, reason) => `${time} mit etwa ${power}${reason && ` (${reason})`}`,
     noMore: (isCold) => `mehr nimmt ${isCold ? "die kalte Batterie" : "das Auto"} nicht`,
     chargeHere: (isOnTheWay) => `${isOnTheWay ? "Dort" : "Hier"} laden: an „`,
@@ -186,6 +186,8 @@ const de: Text = {
       `Falls besetzt: ${station}, erreicht mit ${arrival} (${chance})${more && `, ${more}`}.`,
     nextOther: (station, far, rise, isBack) =>
       `Falls besetzt, ${isBack ? "warten Sie, oder fahren" : "fahren"} Sie zu „${station}“, der nächsten anderen für dieses Auto: ${far} auf der Straße${rise && `, ${rise}`}${isBack ? ", weg von Ihrem Ziel" : ""}.`,
+    onlyOther: (station, far, chance) =>
+      `Falls besetzt, warten Sie: Die nächste andere für dieses Auto ist „${station}“, ${far} auf der Straße; Sie kommen dort bei ${chance} an.`,
     lookingForOther: "Falls besetzt: Die nächste andere wird gesucht …",
     noOther: "Falls besetzt, warten Sie: Keine andere nahe Ihrer Route ist in Reichweite.",
     laterInPause: (least) =>
@@ -220,7 +222,6 @@ const de: Text = {
     drag: "Verschieben Sie A oder B, um die neue Ankunft zu sehen.",
     stations: "Ladestationen im Ausschnitt",
     chooseStation: "Station wählen …",
-    noPlug: "kein Stecker für dieses Auto",
     assumed: "angenommen",
     stopHere: "Hier laden",
     keepStop: "Diesen Stopp behalten",

@@ -146,8 +146,9 @@ export const en = {
     navigate: "Open in a navigation app",
     forThere: (time: string, arrival: string, leave: string, clock: string, day: string) =>
       `” and charge ${time}, from ${arrival} to ${leave}; you are there${day && ` ${day}`} at about ${clock}.`,
-    inPause: (time: string, least: string, after: string) =>
-      `${time} in the pause (at least to ${least}${after && `, about ${after}`})`,
+    atLeast: (least: string, after: string) => `at least to ${least}${after && ` (about ${after})`}`,
+    inPause: (least: string, leave: string, time: string) =>
+      `” in the pause: ${least}. Up to ${leave} ${time}.`,
     withPower: (time: string, power: string, reason: string) =>
       `for ${time} with about ${power}${reason && ` (${reason})`}`,
     noMore: (isCold: boolean) => `the ${isCold ? "cold battery" : "car"} takes no more`,
@@ -186,6 +187,8 @@ export const en = {
       `If it is occupied: ${station}, reached with ${arrival} (${chance})${more && `, ${more}`}.`,
     nextOther: (station: string, far: string, rise: string, isBack: boolean) =>
       `If it is occupied, ${isBack ? "wait, or " : ""}drive to “${station}”, the nearest other station for this car: ${far} by road${rise && `, ${rise}`}${isBack ? ", away from your destination" : ""}.`,
+    onlyOther: (station: string, far: string, chance: string) =>
+      `If it is occupied, wait: the nearest other station for this car is “${station}”, ${far} by road; you get there in ${chance}.`,
     lookingForOther: "If it is occupied: looking for the nearest other station …",
     noOther: "If it is occupied, wait: no other station near your route is in reach.",
     laterInPause: (least: string) =>
@@ -220,7 +223,6 @@ export const en = {
     drag: "Drag A or B to see the new arrival.",
     stations: "Charging stations in view",
     chooseStation: "Choose one …",
-    noPlug: "no plug for this car",
     assumed: "assumed",
     stopHere: "Stop here",
     keepStop: "Keep this stop",

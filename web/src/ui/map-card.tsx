@@ -18,7 +18,7 @@ import {
   pointsOf,
   readCoordinates,
 } from "../model/road";
-import { isPreferred, isSame, STATION_KIND, type StationChoice } from "../model/stations";
+import { fits, isPreferred, isSame, STATION_KIND, type StationChoice } from "../model/stations";
 import { beginAt, move, source } from "../state/catalogue";
 import { chargingPlan } from "../state/charging";
 import { chooseRoad } from "../state/forecast";
@@ -215,7 +215,7 @@ function MapCanvas({
   useSignalEffect(() => {
     const stops = (chargingPlan.value?.stops ?? []).map(({ station }) => station);
     made.value?.setStops(stops.map(({ longitude_deg, latitude_deg }) => [longitude_deg, latitude_deg]));
-    made.value?.setData("stations", stationFeatures(view.value?.stations ?? [], stops, choice.value));
+    made.value?.setData("stations", stationFeatures(knownStations(view.value), stops, choice.value));
   });
   useSignalEffect(() => {
     const stops = (chargingPlan.value?.stops ?? []).map(
@@ -251,10 +251,11 @@ function MapCanvas({
   );
 }
 
-/** Stations of the plan and in view, each once. */
+/** Stations of the plan, and those in view that the car can use, each once. */
 function knownStations(view: MapView | null): Station[] {
   const stops = (chargingPlan.value?.stops ?? []).map(({ station }) => station);
-  const all = [...stops, ...(view?.stations ?? [])];
+  const usable = (view?.stations ?? []).filter((one) => fits(one, journey.value?.plugs ?? []));
+  const all = [...stops, ...usable];
   return all.filter((one, k) => all.findIndex((other) => isSame(one, other)) === k);
 }
 

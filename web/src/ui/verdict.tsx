@@ -67,6 +67,7 @@ import {
   SHOWN_SOC,
   stationName,
   isNeeded,
+  leastText,
   riseText,
   turnText,
   upwards,
@@ -79,8 +80,9 @@ const OPEN = [0.05, 0.95] as const;
 /** A place far from its road, among the flags of a journey. */
 const FAR = "far_from_road";
 
-/** What is said of a road without its charging stops. */
+/** What is said of a road without its charging stops, and of a plan that is driven as usual. */
 const EMPTY = "battery_empty";
+const BEST_EFFORT = "no_stop_found";
 
 /** From this chance on a trip arrives probably. */
 const PROBABLE = 0.8;
@@ -101,10 +103,15 @@ function reasonOfJourney(): string | undefined {
   return mode.value === "plan" && trip.value?.stops ? journey.value?.verdict.reason : undefined;
 }
 
+/** Whether the first stop is reached slowly, and hardly as usual. */
+function hasToBeSlow(): boolean {
+  return isSlow.value && !!ways.value && chanceAtAll(ways.value.usual) < OPEN[1];
+}
+
 /** The verdict as it is coloured: no road of unknown heights is green, and none that has to be driven slowly. */
 function shownVerdict(now: Answer): Verdict {
   const verdict = verdictOfAnswer(now);
-  const isOpen = reasonOfJourney() === HEIGHTS || isSlow.value;
+  const isOpen = reasonOfJourney() === HEIGHTS || hasToBeSlow();
   return verdict === "good" && isOpen ? "open" : verdict;
 }
 
@@ -117,6 +124,7 @@ function sentence(now: Answer): string {
   if (of && emptyM !== null) return words.doNotSetOut(lastsText(of, emptyM));
   const first = chargingPlan.value?.stops[0];
   const isBelow = reasonOfJourney() === BELOW;
+  if (first && hasToBeSlow() && now.pArrive >= OPEN[1]) return words.slowly(stationName(first.station));
   if (chargesHere.value && shownVerdict(now) === "good") return words.hereFirst;
   if (first && isBelow && shownVerdict(now) === "good") return words.thereFirst(farText(first.position_m));
   const isRound = (trip.value?.pauseS ?? null) !== null;
@@ -124,7 +132,6 @@ function sentence(now: Answer): string {
   if (shownVerdict(now) === "good") return (isRound ? words.arrivesBack : words.arrives) + stops;
   const probably = (isRound ? words.probablyBack : words.probably) + stops;
   if (reasonOfJourney() === HEIGHTS) return probably;
-  if (first && isSlow.value && now.pArrive >= OPEN[1]) return words.slowly(stationName(first.station));
   const stop = stopInDoubt.value;
   if (stop && now.pArrive >= 0.5) {
     const name = stationName(stop.station);
@@ -301,8 +308,10 @@ function StopText({ of, fromM }: { of: Stop; fromM: number }) {
     <>
       {isHere ? words.chargeHere(fromM > 0) : words.driveTo(farText(of.position_m - fromM), pace)}
       <StationLink of={of.station} />
-      {(isHere ? words.forHere : words.forThere)(time, arrival, leave, ...clockAfter(of.arrives_after_s))}
-      {isNeeded(of) ? "" : ` ${words.neededBelow(upwards(of.needed_below))}.`}
+      {of.pause_s > 0
+        ? words.inPause(leastText(of), leave, time)
+        : (isHere ? words.forHere : words.forThere)(time, arrival, leave, ...clockAfter(of.arrives_after_s))}
+      {isNeeded(of) ? "" : ` (${words.neededBelow(upwards(of.needed_below))})`}
     </>
   );
 }
@@ -321,10 +330,12 @@ function Occupied({ of }: { of: Stop }) {
   const isPlanned = of.if_full !== null || of.pause_s > 0;
   const ask = async () => [isPlanned ? null : await nearestStation(here, roadTo).catch(() => null)] as const;
   const found = useAsked(ask, [JSON.stringify([here, at, car.value, isPlanned])]);
-  const { lookingForOther, nextOther, reachedAtAll } = text.value.journey;
+  const { lookingForOther, nextOther, onlyOther, reachedAtAll } = text.value.journey;
   if (!found) return <li>{lookingForOther}</li>;
   const { of: other, way } = found[0] ?? {};
-  if (!other || !way || chanceAtAll(way.forecast) < PROBABLE) return <li>{occupiedText(of)}</li>;
+  if (!other || !way) return <li>{occupiedText(of)}</li>;
+  const [name, far, chance] = [stationName(other), farText(way.distance_m), chanceAtAll(way.forecast)];
+  if (chance < PROBABLE) return <li>{onlyOther(name, far, chanceInFigures(chance))}</li>;
   const heights = way.elevation?.elevation_m ?? [];
   const end = trip.value?.stops?.at(-1) as Place;
   const isBack = metresBetween(other, end) > metresBetween(here, end);
@@ -333,8 +344,7 @@ function Occupied({ of }: { of: Stop }) {
   const left = way.forecast.soc_arrival + of.soc_arrival - low; // of who arrives with what is expected
   const half = Math.hypot(most - least, high - low) / 2;
   const band = bandText([Math.max(left - half, least), left + half]);
-  const there = nextOther(stationName(other), farText(way.distance_m), rise, isBack);
-  return <li>{`${there} ${reachedAtAll(chanceInFigures(chanceAtAll(way.forecast)), band)}`}</li>;
+  return <li>{`${nextOther(name, far, rise, isBack)} ${reachedAtAll(chanceInFigures(chance), band)}`}</li>;
 }
 
 /** What has to be known of the first stop, each as an item of the list. */
@@ -449,8 +459,7 @@ function ToDo({ of }: { of: Forecast }) {
   if (!isKnown || driving.value || mode.value !== "plan") return null;
   const isOld = isJourney ? answersAreOld.value : leavingIsOld.value;
   const { journey: words } = text.value;
-  const isKept = reasonOfJourney() !== BELOW && (plan?.p_reserve ?? 0) >= OPEN[1];
-  const stopsHelp = !isKept && withStops <= 1 && withStops < (needed ?? 2);
+  const stopsHelp = withStops <= 1 && withStops < (needed ?? 2);
   const leaves = needed !== undefined && !plan;
   const texts = [
     isStuck.value && isLow.value && ((needed ?? 2) > 1 || stopsHelp) && words.callHelp,
@@ -482,8 +491,8 @@ function HowSure({ of, now }: { of: Forecast; now: Answer }) {
   const chance = decisiveChance(now);
   const isOpen = chance > OPEN[0] && chance < OPEN[1] && !stopInDoubt.value;
   const { verdict: words, result, ownCars: ownWords } = text.value;
-  const ofRoad = of.flags.filter(({ code }) => !chargingPlan.value || code !== EMPTY);
-  const flags = [...ofRoad, ...(journey.value?.flags ?? [])];
+  const untrue = [chargingPlan.value && EMPTY, isSlow.value && BEST_EFFORT];
+  const flags = [...of.flags, ...(journey.value?.flags ?? [])].filter(({ code }) => !untrue.includes(code));
   const count = warningsOf(flags, wording.value).length;
   const planned = trip.value?.links ?? trip.value?.stops;
   const own = ownCars.value?.find(({ name }) => name === car.value?.own);
@@ -532,8 +541,10 @@ export function VerdictCard() {
   const isCompared = mode.value === "compare" && alternative.value !== null;
   const isSettled = !isOther && !isLate.value && !isLookingForStops.value;
   const toDo = shown && !isOther && !isLookingForStops.value && <ToDo of={of} />;
-  // with so little, what to do comes before the figures
-  const actsFirst = reasonOfJourney() === BELOW || (isLow.value && verdict !== "good");
+  // with so little, and where the way that is usual is wrong, what to do comes before the figures
+  const stopsBefore = (chargingPlan.value?.stops.findIndex(({ pause_s }) => pause_s > 0) ?? 0) > 0;
+  const actsFirst =
+    reasonOfJourney() === BELOW || isSlow.value || stopsBefore || (isLow.value && verdict !== "good");
   const said = isDistance ? needSentence() : shown && !isCompared && !isOther ? sentence(now) : words.title;
   return (
     <section

@@ -3,7 +3,6 @@
 import type { Station, Stop } from "../api/documents";
 import { hundredthsOf } from "../model/arrival";
 import { daysBetween } from "../model/clock";
-import { fits } from "../model/stations";
 import { HOURS, PERCENT, POWER, type Quantity } from "../model/units";
 import { format, text, units } from "../state/preferences";
 import { clock, type Turn } from "../state/answer";
@@ -61,13 +60,10 @@ export function stationName({ name }: Station): string {
 }
 
 /** Plug and power of a charging station, as far as they are known. */
-export function chargerParts(of: Station): string[] {
+export function chargerParts({ plug, power_w, power_known }: Station): string[] {
   const names: Record<string, string> = text.value.journey.plugs;
-  const { assumed, noPlug } = text.value.map;
-  const power =
-    of.power_w > 0 && format.value.shown(of.power_w, POWER) + (of.power_known ? "" : ` (${assumed})`);
-  const isUsable = fits(of, journey.value?.plugs ?? []);
-  return [names[of.plug] ?? "", power || "", isUsable ? "" : noPlug].filter(Boolean);
+  const assumed = power_known ? "" : ` (${text.value.map.assumed})`;
+  return [names[plug] ?? "", power_w > 0 ? format.value.shown(power_w, POWER) + assumed : ""].filter(Boolean);
 }
 
 /** A 90 % interval of a charge; only its upper end where the battery may be empty before, and nothing where it is. */
@@ -78,24 +74,25 @@ export function bandText([low = 0, high = low]: readonly number[]): string {
 }
 
 /** Whether a car charges at a stop however it arrives there. */
-export function isNeeded({ needed_below: least, soc_arrival, soc_interval }: Stop): boolean {
-  return least <= soc_arrival || least > (soc_interval[1] ?? 1);
+export function isNeeded({ needed_below: least, pause_s, soc_arrival, soc_interval }: Stop): boolean {
+  return pause_s > 0 || least <= soc_arrival || least > (soc_interval[1] ?? 1);
 }
 
 /** How long a car charges at a stop, and with which mean power; `explains` says why that is far below the station's. */
-export function chargingText(of: Stop, explains = false): string {
-  const { charging_s, energy_wh, pause_s, needed_below: least, station } = of;
-  const { span } = format.value;
+export function chargingText({ charging_s, energy_wh, station }: Stop, explains = false): string {
   const meanW = energy_wh / HOURS.from(charging_s);
   const power = format.value.shown(meanW, POWER);
-  const { inPause, withPower, noMore } = text.value.journey;
+  const { withPower, noMore } = text.value.journey;
   const codes = journey.value?.flags.map(({ code }) => code) ?? [];
   const isCold = station.direct_current && codes.includes("cold_charging_assumed");
   const reason = explains && meanW < 0.8 * station.power_w ? noMore(isCold) : "";
-  const time = withPower(span(charging_s), power, reason);
-  if (pause_s <= 0) return time;
-  const leastS = (charging_s * (least - of.soc_arrival)) / (of.soc_leave - of.soc_arrival); // of a constant power
-  return inPause(time, upwards(least), leastS > 0 ? span(leastS) : "");
+  return withPower(format.value.span(charging_s), power, reason);
+}
+
+/** The charge that a stop in a pause has to give, and how long that takes with a constant power. */
+export function leastText({ charging_s, needed_below: least, soc_arrival, soc_leave }: Stop): string {
+  const afterS = (charging_s * (least - soc_arrival)) / (soc_leave - soc_arrival);
+  return text.value.journey.atLeast(upwards(least), afterS > 0 ? format.value.span(afterS) : "");
 }
 
 /** A clock time, and its day where that is not the day of `from`. */
