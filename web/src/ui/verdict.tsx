@@ -333,7 +333,7 @@ function Occupied({ of }: { of: Stop }) {
   const { lookingForOther, nextOther, onlyOther, reachedAtAll } = text.value.journey;
   if (!found) return <li>{lookingForOther}</li>;
   const { of: other, way } = found[0] ?? {};
-  if (!other || !way) return <li>{occupiedText(of)}</li>;
+  if (!other || !way || chanceAtAll(way.forecast) < OPEN[0]) return <li>{occupiedText(of)}</li>;
   const [name, far, chance] = [stationName(other), farText(way.distance_m), chanceAtAll(way.forecast)];
   if (chance < PROBABLE) return <li>{onlyOther(name, far, chanceInFigures(chance))}</li>;
   const heights = way.elevation?.elevation_m ?? [];
