@@ -92,7 +92,7 @@ def _reach(page: Any) -> None:
     _journey(page)
     page.get_by_role("slider", name="Battery at departure", exact=True).fill("20")
     page.get_by_label("Show how far you get from A").check()
-    page.get_by_text("dashed line: in 10 of 20").wait_for()
+    page.get_by_text("dashed line: in 50 of 100").wait_for()
     page.wait_for_timeout(3 * SETTLE_MS)
 
 
