@@ -66,7 +66,6 @@ import {
   rangeWithUnit,
   SHOWN_SOC,
   stationName,
-  isNeeded,
   leastText,
   riseText,
   turnText,
@@ -311,7 +310,6 @@ function StopText({ of, fromM }: { of: Stop; fromM: number }) {
       {of.pause_s > 0
         ? words.inPause(leastText(of), leave, time)
         : (isHere ? words.forHere : words.forThere)(time, arrival, leave, ...clockAfter(of.arrives_after_s))}
-      {isNeeded(of) ? "" : ` (${words.neededBelow(upwards(of.needed_below))})`}
     </>
   );
 }
