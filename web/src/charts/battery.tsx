@@ -13,7 +13,7 @@ import { shownForecast, distanceM, driving, update } from "../state/drive";
 import { alternative, departure } from "../state/forecast";
 import { positionM } from "../state/position";
 import { format, text, units, wholeBattery } from "../state/preferences";
-import { axis, EDGE, line, percent } from "./axes";
+import { alongAxis, axis, EDGE, line, percent } from "./axes";
 import { type Mark, placeMarks, pointerCursor } from "./marks";
 import { type ChartOptions, type Look, Plot } from "./plot";
 
@@ -102,7 +102,8 @@ function options({ palette }: Look): ChartOptions {
     cursor: pointerCursor(),
     scales: { x: { time: false }, y: { range: () => span.value } },
     axes: [
-      { ...axis({ palette, scale: "x", grid: false, text: () => "" }), size: 10 },
+      // without stops the chart of the road stands below, with an axis for both
+      { ...alongAxis(palette), ...(!chargingPlan.value && { size: 10, values: () => [] }) },
       axis({ palette, scale: "y", text: (y) => (y < 0 ? "" : percent(y)) }),
     ],
     bands: [
@@ -194,6 +195,7 @@ export function BatteryChart({ height, label }: { height: number; label: string 
       data={data.value}
       height={height}
       options={options}
+      variant={String(chargingPlan.value !== null)}
       pointer={positionNowM === null ? null : units.value.distance.from(positionNowM)}
       onDraw={(plot) => placeMarks(plot, marks(now, carM, plot.over.clientHeight))}
     />

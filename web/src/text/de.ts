@@ -145,7 +145,8 @@ const de: Text = {
     callHelp: "Wenn Sie hier nicht laden können, rufen Sie den Pannendienst.",
     atMost: (speed) => `Oder auf der Autobahn höchstens ${speed} und ohne Ladestopp fahren.`,
     unnamedStation: "Ladestation",
-    driveTo: (far, pace) => `${far}${pace && `, höchstens ${pace} und ohne Heizung und Klimaanlage,`} bis „`,
+    driveTo: (far, pace) =>
+      `${far}${pace && `, um Ladung zu sparen mit höchstens ${pace} und ohne Heizung und Klimaanlage,`} bis „`,
     navigate: "In einer Navigations-App öffnen",
     forThere: (time, arrival, leave, clock, day) =>
       `“ fahren und dort ${time} laden, von ${arrival} auf ${leave}; Ankunft dort${day && ` ${day}`} gegen ${clock}.`,
@@ -484,6 +485,7 @@ const de: Text = {
     risky: "Nicht sicher",
     withCharge: ": Ankunft, bevor die Batterie leer ist",
     atAll: (figures) => `Ankommen: ${figures}`,
+    keeps: (reserve, figures) => `Die Reserve von ${reserve} bleibt bei ${figures}`,
     announced: (word) => `${word}: Ankunft mit der Reserve.`,
     figures: {
       above: (hundredths) => `mehr als ${hundredths} von 100 Fahrten`,
@@ -738,14 +740,6 @@ const de: Text = {
       one: "# weiterer Faktor, noch nicht messbar",
       other: "# weitere Faktoren, noch nicht messbar",
     }),
-    weights: "Wie die Prognosen entstehen",
-    experts: {
-      published: "veröffentlichte Werte",
-      "one factor": "ein Faktor",
-      "line by cause": "jede Ursache für sich",
-      population: "wie für andere Autos",
-      "own trips": "eigene Fahrten allein",
-    },
     parameters: {
       everything: "gesamter Verbrauch",
       rolling: "Rollwiderstand",

@@ -142,7 +142,7 @@ export const en = {
     atMost: (speed: string) => `Or drive at most ${speed} on motorways, without a charging stop.`,
     unnamedStation: "Charging station",
     driveTo: (far: string, pace: string) =>
-      `Drive ${far}${pace && `, at most ${pace} and with heating and air conditioning off,`} to “`,
+      `${pace ? `To save charge, drive ${far} at most at ${pace}, with heating and air conditioning off,` : `Drive ${far}`} to “`,
     navigate: "Open in a navigation app",
     forThere: (time: string, arrival: string, leave: string, clock: string, day: string) =>
       `” and charge ${time}, from ${arrival} to ${leave}; you are there${day && ` ${day}`} at about ${clock}.`,
@@ -489,6 +489,7 @@ export const en = {
     risky: "Not certain",
     withCharge: " to arrive before the battery is empty",
     atAll: (figures: string) => `To arrive at all: ${figures}`,
+    keeps: (reserve: string, figures: string) => `The reserve of ${reserve} is kept in ${figures}`,
     announced: (word: string) => `${word} to keep the reserve.`,
     figures: {
       above: (hundredths: number) => `more than ${hundredths} of 100 trips`,
@@ -743,14 +744,6 @@ export const en = {
       one: "# more factor, not measurable yet",
       other: "# more factors, not measurable yet",
     }),
-    weights: "How the forecasts are made",
-    experts: {
-      published: "published values",
-      "one factor": "one factor",
-      "line by cause": "each cause by itself",
-      population: "as for other cars",
-      "own trips": "own trips alone",
-    },
     parameters: {
       everything: "total consumption",
       rolling: "rolling resistance",

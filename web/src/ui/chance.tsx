@@ -17,7 +17,6 @@ interface Props {
 export function Chance({ verdict, chance, reserve, atAll, of = "end" }: Props) {
   const { chance: words } = text.value;
   const kept = reserve > 0 ? words.withReserve[of](format.value.shown(reserve, PERCENT)) : words.withCharge;
-  const keptAlone = kept.replace(/^\W*(\w)/, (_, first: string) => first.toUpperCase()); // begins a line
   const isRisky = verdict === "bad" && atAll >= 0.5; // "likely" says too much of a car that may strand
   const isBelow = reserve > 0 && chance < 0.5 && atAll >= 0.5;
   return (
@@ -29,7 +28,9 @@ export function Chance({ verdict, chance, reserve, atAll, of = "end" }: Props) {
         <span class="figures"> · {chanceInFigures(isBelow ? atAll : chance)}</span>
         {reserve > 0 && (of !== "fromFirst" || chanceInFigures(chance) !== chanceInFigures(atAll)) && (
           <span class="at-all">
-            {isBelow ? `${keptAlone}: ${chanceInFigures(chance)}` : words.atAll(chanceInFigures(atAll))}
+            {isBelow
+              ? words.keeps(format.value.shown(reserve, PERCENT), chanceInFigures(chance))
+              : words.atAll(chanceInFigures(atAll))}
           </span>
         )}
       </span>

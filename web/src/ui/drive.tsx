@@ -61,9 +61,8 @@ export function DriveLine({ of }: { of: Forecast }) {
 function errorsText(): string {
   const points = history.value;
   const end = points.at(-1);
-  if (!arrived.value || !end) return "";
   const half = points.find((m) => m.distanceM >= lengthM.value / 2 && m.naive !== null);
-  if (!half || half.naive === null) return "";
+  if (!arrived.value || !end || !half || half.naive === null) return "";
   const off = (soc: number) => format.value.figure(Math.abs(PERCENT.from(soc - end.soc)), 1);
   return text.value.drive.errors(off(half.soc), off(half.naive));
 }

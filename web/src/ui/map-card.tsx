@@ -122,7 +122,7 @@ function MapCanvas({
 }) {
   const box = useRef<HTMLDivElement>(null);
   const made = useSignal<RoadMap | null>(null);
-  const seen = useRef<string[]>([]);
+  const seen = useRef<Station[]>([]);
   useEffect(() => {
     let isGone = false;
     let created: RoadMap | null = null;
@@ -216,12 +216,8 @@ function MapCanvas({
     const stops = (chargingPlan.value?.stops ?? []).map(({ station }) => station);
     made.value?.setStops(stops.map(({ longitude_deg, latitude_deg }) => [longitude_deg, latitude_deg]));
     made.value?.setData("stations", stationFeatures(knownStations(view.value), stops, choice.value));
-  });
-  useSignalEffect(() => {
-    const stops = (chargingPlan.value?.stops ?? []).map(
-      ({ station }) => `${station.latitude_deg} ${station.longitude_deg}`,
-    );
-    if (stops.some((stop) => !seen.current.includes(stop))) wantsFit.value = true; // they may be out of view
+    const isNew = (stop: Station) => !seen.current.some((one) => isSame(one, stop));
+    if (stops.some(isNew)) wantsFit.value = true; // they may be out of view
     seen.current = stops;
   });
   useSignalEffect(() => {

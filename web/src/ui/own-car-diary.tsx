@@ -49,9 +49,6 @@ function Learned({ of }: { of: OwnCar }) {
   const shown = factors.filter(([, factor]) => isShown(factor));
   const others = factors.filter(([, factor]) => !isShown(factor));
   const seen = seenIn(of.learned);
-  const counts = Object.entries(of.experts).map(
-    ([name, weight]) => `${words.experts[name as keyof typeof words.experts]} ${percent(weight, 0)}`,
-  );
   const table = (label: string, rows: typeof factors) => (
     <DataTable label={label} class="learned" heads={[words.factor, words.differs, words.seenAt]}>
       {rows.map(([name, factor]) => (
@@ -68,9 +65,6 @@ function Learned({ of }: { of: OwnCar }) {
           {table(words.otherFactors(others.length), others)}
         </Fold>
       )}
-      <Fold title={words.weights}>
-        <p class="note">{format.value.list(counts)}</p>
-      </Fold>
     </>
   );
 }

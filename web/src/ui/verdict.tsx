@@ -332,7 +332,8 @@ function Occupied({ of }: { of: Stop }) {
   if (!found) return <li>{lookingForOther}</li>;
   const { of: other, way } = found[0] ?? {};
   if (!other || !way || chanceAtAll(way.forecast) < OPEN[0]) return <li>{occupiedText(of)}</li>;
-  const [name, far, chance] = [stationName(other), farText(way.distance_m), chanceAtAll(way.forecast)];
+  const [name, chance] = [stationName(other), chanceAtAll(way.forecast)];
+  const far = `${farText(way.distance_m)} (${format.value.duration(way.duration_s)})`;
   if (chance < PROBABLE) return <li>{onlyOther(name, far, chanceInFigures(chance))}</li>;
   const heights = way.elevation?.elevation_m ?? [];
   const end = trip.value?.stops?.at(-1) as Place;
