@@ -8,8 +8,6 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-import typer
-
 from tripwatt import trips
 from tripwatt.command import shared
 from tripwatt.command.options import Answer, assignments, flag, option, require_effect
@@ -23,9 +21,6 @@ if TYPE_CHECKING:
 
 CARS = "cars"
 """Name of the protocol for several cars, each forecast from the others."""
-
-INTERRUPTED = 130
-"""Exit code of a run that was stopped from the keyboard."""
 
 
 def evaluate(
@@ -158,12 +153,9 @@ def _run(
         with progress(console()) as report_progress:
             execution = Execution(jobs, unfinished / "folds", resume, report_progress)
             return run_evaluation(fleet, **options, execution=execution)
-    except (KeyboardInterrupt, SystemExit) as stop:
-        more = "continue with the same command and --resume"
-        say(f"interrupted: the finished folds are kept; {more}", err=True)
-        if isinstance(stop, SystemExit):
-            raise
-        raise typer.Exit(INTERRUPTED) from None
+    except (KeyboardInterrupt, SystemExit):
+        say("interrupted: the finished folds are kept; continue with the same command and --resume", err=True)
+        raise
     except OSError as error:  # such as a full disk while a fold is written
         got = f"{unfinished}: {error.strerror or error}"
         fix = "make room and continue with the same command and --resume"
