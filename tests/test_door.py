@@ -173,7 +173,7 @@ def test_what_verbs_give_is_one_line():
     run = tw.simulate(tw.read_route(LINKS, trip_id="commute"), "vw_id3")
     lines = {
         repr(fleet): "<TripSet synthetic: 2 logs>",
-        repr(tw.audit(fleet)): "<Audit 2 drives out of 2 logs are used, 0 are not>",
+        repr(tw.audit(fleet)): "<Audit 2 sound drives of 2 logs, 0 set aside>",
         repr(tw.load_vehicle("vw_id3")): "<Vehicle vw_id3: Volkswagen ID.3 58 kWh, preset default>",
         repr(
             run

@@ -222,7 +222,18 @@ def _is_there(module: str) -> bool:
         return True
 
 
-def and_more(bad: Sized, what: str = "rows") -> str:
+def counted(number: int, thing: str) -> str:
+    """A number of things, with the thing in the plural unless there is one.
+
+    Examples
+    --------
+    >>> counted(1, "trip"), counted(0, "trip"), counted(12, "file")
+    ('1 trip', '0 trips', '12 files')
+    """
+    return f"{number} {thing}{'s' * (number != 1)}"
+
+
+def and_more(bad: Sized, what: str = "row") -> str:
     """The end of a message that shows the first of several wrong values; an empty text if there is only one.
 
     Examples
@@ -230,7 +241,7 @@ def and_more(bad: Sized, what: str = "rows") -> str:
     >>> and_more([4, 7, 9]), and_more([4])
     (' (and 2 more rows)', '')
     """
-    return f" (and {len(bad) - 1} more {what})" if len(bad) > 1 else ""
+    return f" (and {counted(len(bad) - 1, f'more {what}')})" if len(bad) > 1 else ""
 
 
 def require_one(names: str, one: object, other: object) -> None:
@@ -264,12 +275,12 @@ def grouped(faults: Iterable[Fault]) -> list[Fault]:
     Examples
     --------
     >>> [fault.where for fault in grouped([Fault("no vehicle", "a.csv"), Fault("no vehicle", "b.csv")])]
-    ['a.csv (and 1 more places)']
+    ['a.csv (and 1 more place)']
     """
     kinds: dict[Fault, list[Fault]] = {}
     for fault in faults:
         kinds.setdefault(replace(fault, where="", count=1), []).append(fault)
-    return [replace(group[0], where=group[0].where + and_more(group, "places")) for group in kinds.values()]
+    return [replace(group[0], where=group[0].where + and_more(group, "place")) for group in kinds.values()]
 
 
 class InvalidInput(TripwattError):

@@ -257,7 +257,7 @@ def test_a_drive_has_a_kilometre_and_two_minutes():
     assert len(audit([log(jagged(201, 5.0))]).trips) == 1
     slow = audit([log(jagged(200, 5.0))])
     assert slow.set_aside == {"Log": "995 m in 199 s: shorter than 1000 m"}
-    assert str(slow) == "0 drives out of 1 logs are used, 1 are not"
+    assert str(slow) == "0 sound drives of 1 log, 1 set aside"
 
 
 def gapped(first, second, gap_s=100.0, start_s=7.0):

@@ -40,7 +40,7 @@ def test_a_store_from_the_command_line(tmp_path):
     )
     assert added == {"added": 1, "known": 0, "unusable": 0}
     again = run("store", "add", store, tmp_path / "d2.csv", "--car", "vw_id3", "--vehicle-id", "V2")
-    assert "0 trips added, 1 were known" in again
+    assert "0 trips added, 1 known before" in again
     about = tw.open_store(store).about()
     assert (about["trips"], about["vehicles"], about["car_models"]) == (3, 2, {"vw_id3": 3})
     done = json.loads(run("store", "compact", store, "--json"))
@@ -141,7 +141,7 @@ def test_a_mixed_fleet_is_added_by_a_table_of_its_cars(tmp_path):
     added = tw.open_store(store).trips()[["vehicle_id", "car_model"]].drop_duplicates()
     assert [*map(tuple, added.to_numpy())] == [("V1", "vw_id3"), ("V2", f"{tmp_path / 'van.toml'}")]
     cars.write_text("vehicle_id,car\nV1,vw_id3\nV2,van.toml\nV3,vw_id3\nV4,vw_id3\n")
-    assert "2 trips added, 3 were known" in run("store", "add", store, *logs, "--cars", cars)
+    assert "2 trips added, 3 known before" in run("store", "add", store, *logs, "--cars", cars)
     for asked in ((), ("--cars", cars, "--car", "vw_id3")):
         refused = CliRunner().invoke(app, ["store", "add", *map(str, (store, *logs, *asked))])
         assert "one of them is needed: --car, --cars" in str(refused.exception)

@@ -180,7 +180,7 @@ def test_bounds_of_a_route():
 
 
 def test_several_wrong_links_are_counted():
-    refuses(r"link 2, length_m: got 0 \(and 1 more links\)", route, [9.0, 0.0, 0.0], [9.0] * 3)
+    refuses(r"link 2, length_m: got 0 \(and 1 more link\)", route, [9.0, 0.0, 0.0], [9.0] * 3)
 
 
 def logged(speed, **columns):

@@ -32,7 +32,7 @@ def test_places_on_earth():
     for lat, lon, words in ((90.1, 0.0, "point 2, latitude"), (0.0, -180.1, "point 2, longitude")):
         with pytest.raises(InvalidInput, match=words):
             require_on_earth(np.array([0.0, lat]), np.array([0.0, lon]), "t")
-    refuses(r"91° \(and 1 more points\)", require_on_earth, np.array([0.0, 91.0, 92.0]), np.zeros(3), "t")
+    refuses(r"91° \(and 1 more point\)", require_on_earth, np.array([0.0, 91.0, 92.0]), np.zeros(3), "t")
 
 
 @settings(max_examples=100)

@@ -85,7 +85,7 @@ class TestTrack:
         assert len(track([0.0, 9.0, 18.0], [0.0, 5.0, 5.0])) == 3
         back = refused([0.0, 9.0, 18.0, 27.0, 36.0], [0.0, 5.0, 3.0, 9.0, 8.0])
         assert back == [
-            "time decreases: track, point 3: got 2 s back (and 1 more points); allowed: times that never decrease"
+            "time decreases: track, point 3: got 2 s back (and 1 more point); allowed: times that never decrease"
         ]
         assert "got 2 s back; allowed" in refused([0.0, 9.0, 18.0, 27.0], [0.0, 5.0, 3.0, 9.0])[0]
         assert refused([5.0, 5.0])[0].startswith("track has no length")

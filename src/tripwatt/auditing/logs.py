@@ -15,7 +15,7 @@ import pandas as pd
 from tripwatt.arrays import by_key
 from tripwatt.auditing import consistency, ranges, signals, stamps
 from tripwatt.auditing.findings import Consequence, Cut, Finding, array, between, whole
-from tripwatt.errors import Fault, raise_faults
+from tripwatt.errors import Fault, counted, raise_faults
 from tripwatt.trips import Recorded, Trip, TripSet, require_unique_ids, structure_faults, value_faults
 from tripwatt.trips.reading import Group, group_by_kind
 
@@ -48,7 +48,7 @@ class Audit:
     >>> from tripwatt.study.synthetic import synthetic_fleet
     >>> result = audit(synthetic_fleet(2))
     >>> print(result)
-    2 drives out of 2 logs are used, 0 are not
+    2 sound drives of 2 logs, 0 set aside
     >>> list(result.to_frame().columns), result.set_aside
     (['trip', 'from_s', 'to_s', 'what', 'consequence'], {})
     """
@@ -100,7 +100,8 @@ class Audit:
         return pd.DataFrame([[getattr(f, c) for c in columns] for f in self.findings], columns=columns)
 
     def __str__(self) -> str:
-        return f"{len(self.trips)} drives out of {self.n_logs} logs are used, {len(self.set_aside)} are not"
+        used = counted(len(self.trips), "sound drive")
+        return f"{used} of {counted(self.n_logs, 'log')}, {len(self.set_aside)} set aside"
 
     def __repr__(self) -> str:
         return f"<Audit {self}>"

@@ -13,7 +13,7 @@ from tripwatt.command import shared
 from tripwatt.command.options import Answer, assignments, flag, option, require_effect
 from tripwatt.command.output import finished_folds, unfinished_folder, write_whole
 from tripwatt.command.printing import console, print_notes, print_table, progress, say
-from tripwatt.errors import Check, Fault, InvalidInput, raise_faults, require_extras
+from tripwatt.errors import Check, Fault, InvalidInput, counted, raise_faults, require_extras
 from tripwatt.files import folder_lock
 
 if TYPE_CHECKING:
@@ -85,7 +85,7 @@ def evaluate(
             fleet = check(logs.read)
             options["test_fleet"] = test and check(replace(logs, data=test).read)
     fleet = replace(fleet, notes=(*fleet.notes, *note))
-    say(f"{len(fleet)} trips read ({fleet.name})", err=True)
+    say(f"{counted(len(fleet), 'trip')} read ({fleet.name})", err=True)
     print_notes(flag for flag in fleet.notes if flag in note or flag.code == "sample")
     unfinished = unfinished_folder(out)
     with folder_lock(unfinished):

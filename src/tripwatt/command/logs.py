@@ -16,7 +16,7 @@ from tripwatt.command import shared
 from tripwatt.command.options import Answer, argument, make_group
 from tripwatt.command.output import write_text
 from tripwatt.command.printing import print_notes, print_reading, print_table, say
-from tripwatt.errors import Fault, InvalidInput
+from tripwatt.errors import Fault, InvalidInput, counted
 from tripwatt.files import csv_text
 from tripwatt.trips.messages import flag_to_dict
 
@@ -47,7 +47,7 @@ def audit(logs: shared.Logs) -> Answer:
     }
 
     def shown() -> None:
-        title = f"{len(fleet.trips)} trips read, {len(result.trips)} used ({fleet.name})"
+        title = f"{counted(len(fleet.trips), 'trip')} read, {len(result.trips)} used ({fleet.name})"
         if result.findings:
             columns = ("trip", "from [s]", "to [s]", "consequence", "finding")
             rows = [

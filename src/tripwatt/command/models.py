@@ -13,7 +13,7 @@ from tripwatt.command import shared
 from tripwatt.command.options import Answer, argument, flag, option, require_effect
 from tripwatt.command.printing import console, grouped, kwh, print_notes, print_table, progress, say
 from tripwatt.command.sentences import change, share
-from tripwatt.errors import Check, Fault, damage, raise_faults
+from tripwatt.errors import Check, Fault, counted, damage, raise_faults
 
 
 def fit(
@@ -58,7 +58,7 @@ def fit(
         with shown.status("reading trips"):
             fleet = check(logs.read)
     fleet = replace(fleet, notes=(*fleet.notes, *note))
-    say(f"{len(fleet.trips)} trips read ({fleet.name})", err=True)
+    say(f"{counted(len(fleet.trips), 'trip')} read ({fleet.name})", err=True)
     from tripwatt.forecasting.fitting import fit_with_provenance
     from tripwatt.forecasting.storage import load_metadata, save_model
     from tripwatt.population.adapting import adapt_model
@@ -90,7 +90,7 @@ def _show_fit(fleet: trips.TripSet, out: Path, notes: list[str], figures: dict[s
     how = "adapted to" if figures.get("protocol") == PROTOCOL else "fitted on"
     used, read = figures["trips"], len(fleet.trips)
     unused = f" of {read} (`tripwatt audit` has the reasons)" if used < read else ""
-    say(f"model: {out}, {how} {used} trips{unused} ({fleet.name})")
+    say(f"model: {out}, {how} {counted(used, 'trip')}{unused} ({fleet.name})")
     errors = f"mean error {share(figures['mape'])}, RMSE {kwh(figures['rmse_wh'], 3)}"
     say(f"held-out trips: {errors}, {figures['given']}")
     print_notes([*grouped(fleet.notes), *notes[len(fleet.notes) :]])

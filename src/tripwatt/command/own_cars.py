@@ -13,7 +13,7 @@ from tripwatt.command import shared
 from tripwatt.command.options import Answer, argument, flag, make_group, option
 from tripwatt.command.printing import console, kwh, print_notes, print_reading, print_table, progress, say
 from tripwatt.command.sentences import change, share
-from tripwatt.errors import raise_faults, system_errors
+from tripwatt.errors import counted, raise_faults, system_errors
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -148,7 +148,7 @@ def _show(about: Mapping[str, Any], table: pd.DataFrame) -> None:
         )
         for row in table.to_dict("records")
     ]
-    print_table(f"Last {len(listed)} trips", columns, listed, numbers=columns[2:])
+    print_table(f"Last {counted(len(listed), 'trip')}", columns, listed, numbers=columns[2:])
 
 
 def list_(folder: Annotated[Path, argument("CARS", "Folder with the folders of cars.")]) -> Answer:
@@ -170,7 +170,7 @@ def list_(folder: Annotated[Path, argument("CARS", "Folder with the folders of c
 
 
 def _in_short(about: Mapping[str, Any], name: str) -> str:
-    return f"{name}: {about['title']}, {about['trips']} trips, {about['in_diary']} in the diary"
+    return f"{name}: {about['title']}, {counted(about['trips'], 'trip')}, {about['in_diary']} in the diary"
 
 
 def token(car: Annotated[Path, argument("CAR", "Folder of the car; made where it is missing.")]) -> Answer:
@@ -212,7 +212,7 @@ def _done(car: Path, own: Car, done: Learned) -> Answer:
     about = own.about()
 
     def shown() -> None:
-        say(f"{car}: {done.added} trips added, {done.known} were known, {done.entries} in the diary")
+        say(f"{car}: trips added: {done.added}, {done.entries} of them in the diary; known: {done.known}")
         reasons = (why.partition(": ") for why in done.left_out)
         groups = group_by_kind((why, trip, 1, f"{trip}: {why}") for trip, _, why in reasons)
         print_notes(f"left out: {group}" for group in groups)
@@ -230,7 +230,7 @@ def _show_learned(about: Mapping[str, Any]) -> None:
     latest, published = about["latest"], about["latest_by_book"]
     if latest["trips"]:
         say(
-            f"Last {latest['trips']} trips: mean error {share(published['weighted_error'])} with published values, "
+            f"Last {counted(latest['trips'], 'trip')}: mean error {share(published['weighted_error'])} with published values, "
             f"{share(latest['weighted_error'])} with own trips; width of the 90 % interval {share(published['width'])} and "
             f"{share(latest['width'])} of the energy, {share(latest['needed_width'])} would have been enough."
         )
@@ -240,7 +240,7 @@ def _show_learned(about: Mapping[str, Any]) -> None:
     ]
     if rows:
         columns = ("what", "change", "uncertainty (sd)", "seen at")
-        print_table(f"Learned from {about['in_diary']} trips", columns, rows, numbers=columns[1:3])
+        print_table(f"Learned from {counted(about['in_diary'], 'trip')}", columns, rows, numbers=columns[1:3])
 
 
 def _show_scores(about: Mapping[str, Any]) -> None:
@@ -270,7 +270,7 @@ def _in_words(factor: str) -> str:
 
 def _seen(degc: tuple[float, float] | None) -> str:
     """Write the range of outside temperatures at which trips show a factor."""
-    return "not measurable yet" if degc is None else f"{degc[0]:.0f} to {degc[1]:.0f} °C"
+    return f"{' to '.join(dict.fromkeys(f'{d:z.0f}' for d in degc))} °C" if degc else "not measurable yet"
 
 
 CAR = make_group(

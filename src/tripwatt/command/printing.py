@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Final, TextIO
 
 import typer
 
-from tripwatt.errors import printable
+from tripwatt.errors import counted, printable
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -112,7 +112,7 @@ def print_reading(fleet: TripSet, result: Audit) -> None:
 
     used = amount(sum(t.distance_m for t in result.trips), sum(t.duration_s for t in result.trips))
     lost = amount(result.lost_distance_m, result.lost_duration_s)
-    say(f"{len(result.trips)} trips with {used} are used; {lost} are left out", err=True)
+    say(f"{counted(len(result.trips), 'trip')} used, with {used}; left out: {lost}", err=True)
     kinds = [] if report is None else [*report.groups()]
     kinds += [group for consequence, group in result.groups() if consequence == "set aside"]
     lines = [*map(str, kinds), *grouped(fleet.notes)]

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 import tripwatt as tw
 from tripwatt.command.printing import kwh
+from tripwatt.errors import counted
 from tripwatt.trips.showing import period
 from tripwatt.units import M_S_PER_KM_H, SECONDS_PER_MINUTE
 
@@ -97,9 +98,8 @@ def journey_in_words(journey: tw.Journey) -> list[str]:
 def _plan_in_words(plan: ChargingPlan, title: str, leaves: dt.datetime | None = None) -> list[str]:
     """Describe a journey with its stops to charge: a sentence on the whole, then one for each stop."""
     low, high = plan.soc_interval
-    count = len(plan.stops)
     sentences = [
-        f"{title} with {count} {'stop' if count == 1 else 'stops'} to charge: {period(plan.duration_s)}, "
+        f"{title} with {counted(len(plan.stops), 'stop')} to charge: {period(plan.duration_s)}, "
         f"{period(plan.charging_s)} of it at stations. You arrive with {_percent(plan.soc_arrival)} % "
         f"({_percent(low)} to {_percent(high)} %); the probability to have {_percent(plan.reserve)} % at every stop and at the "
         f"end is {chance(plan.p_reserve)}."

@@ -166,7 +166,7 @@ def one_trip(candidates: Sequence[tw.Trip], wanted: str | None, why_not: str = "
         return chosen[0]
     names = ", ".join(trip.trip_id for trip in candidates[:MAX_NAMES]) or "a trip that the audit uses"
     got = why_not or wanted or f"{len(candidates)} trips"
-    allowed = names + and_more(candidates[MAX_NAMES - 1 :], "trips")
+    allowed = names + and_more(candidates[MAX_NAMES - 1 :], "trip")
     raise InvalidInput.of("no single trip", "--trip", got, allowed)
 
 

@@ -141,7 +141,7 @@ class _Faults:
         """
         bad = np.flatnonzero(wrong).tolist() if wrong.any() else []
         # up to three faults are listed one by one; of more, only the first is listed and the others are counted
-        listed, count = (bad, "") if len(bad) <= 3 else (bad[:1], and_more(bad, "links"))
+        listed, count = (bad, "") if len(bad) <= 3 else (bad[:1], and_more(bad, "link"))
         for k in listed:
             place = f"{self.where}link {k + 1}{key and ', ' + key}"
             self.faults.append(Fault(what, place, got(k) + count, allowed, fix))

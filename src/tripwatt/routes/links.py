@@ -230,7 +230,7 @@ def _route_faults(route: LinkRoute) -> Iterator[Fault]:
             yield Fault("wrong shape", name, got, shape)
         elif not sound.all():
             bad = np.flatnonzero(~sound)
-            where, got = f"link {bad[0] + 1}, {name}", f"{values[bad[0]]:g}{and_more(bad, 'links')}"
+            where, got = f"link {bad[0] + 1}, {name}", f"{values[bad[0]]:g}{and_more(bad, 'link')}"
             yield Fault("link out of range", where, got, allowed)
     with np.errstate(over="ignore"):
         total = float(route.travel_time_s.sum())

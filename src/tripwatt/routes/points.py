@@ -92,7 +92,7 @@ def require_on_earth(latitude_deg: FloatArray, longitude_deg: FloatArray, where:
         bad = np.flatnonzero(~(np.abs(values) <= limit))
         if len(bad):
             place = f"{where}, point {bad[0] + 1}, {name}"
-            got = f"{values[bad[0]]:g}°{and_more(bad, 'points')}"
+            got = f"{values[bad[0]]:g}°{and_more(bad, 'point')}"
             faults.append(Fault("coordinate out of range", place, got, f"-{limit:g}° to {limit:g}°"))
     raise_faults(faults)
 

@@ -101,7 +101,7 @@ class Track:
             step = np.diff(self.time_s)
             decreases = np.flatnonzero(step < 0)
             if len(decreases):
-                got = f"{-step[decreases[0]]:g} s back{and_more(decreases, 'points')}"
+                got = f"{-step[decreases[0]]:g} s back{and_more(decreases, 'point')}"
                 where = f"track, point {decreases[0] + 2}"
                 yield Fault("time decreases", where, got, "times that never decrease")
             span = float(self.time_s[-1] - self.time_s[0])

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Final, Literal
 
 from tripwatt.arrays import by_key
-from tripwatt.errors import Fault
+from tripwatt.errors import Fault, counted
 
 _FIGURES: Final = re.compile(r"[-+]?\d[\d.,:]*")
 
@@ -152,7 +152,7 @@ class ReadingReport:
         out = sum(file.state == "left out" for file in self.files)
         rows, used = sum(file.rows for file in self.files), sum(file.rows_used for file in self.files)
         counts = f"{len(self.files) - out} read, {out} left out; " if out else ""
-        return f"{len(self.files)} files: {counts}{used} of {rows} rows are used"
+        return f"{counted(len(self.files), 'file')}: {counts}{used} of {rows} rows are used"
 
     def __repr__(self) -> str:
         return f"<ReadingReport {self}>"

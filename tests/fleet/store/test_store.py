@@ -172,7 +172,7 @@ def test_adding_twice_is_adding_once(store, monkeypatch):
     assert store.add([drive(trip="x", start=3.0, day=9)] * 2, car_model=CAR) == Added(1, 1, 0)
     assert sorted(log.trip_id for log in store.logs()) == ["T0", "T1", "T2", "T3", "T4", "new", "x"]
     assert len(store.samples.read(["sample"])) == 7 * 400
-    assert str(Added(2, 1, 0)) == "2 trips added, 1 were known; 0 of the added have no sound drive"
+    assert str(Added(2, 1, 0)) == "2 trips added, 1 known before; without a sound drive: 0"
 
 
 def test_every_fault_of_the_logs_is_named_and_nothing_is_added(store):

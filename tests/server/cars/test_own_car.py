@@ -244,6 +244,7 @@ def test_the_commands_are_the_library(base: Path, logs: tuple[Log, ...], tmp_pat
     from typer.testing import CliRunner
 
     from tripwatt.command import app
+    from tripwatt.command.own_cars import _seen
 
     def run(*words: object) -> str:
         answer = CliRunner().invoke(app, [str(word) for word in words], catch_exceptions=False)
@@ -257,14 +258,19 @@ def test_the_commands_are_the_library(base: Path, logs: tuple[Log, ...], tmp_pat
     assert "no trips yet" in run("car", "new", folder, "--car", "nissan_leaf_24", "--base", base)
     assert "Add trips" in run("car", "show", folder)
     text = run("car", "add", folder, files)
-    assert "2 trips added, 0 were known, 2 in the diary" in text
+    assert "trips added: 2, 2 of them in the diary; known: 0" in text
     assert "rolling resistance" in text
     shown = json.loads(run("car", "show", folder, "--json"))
     assert [row["trip_id"] for row in shown["diary"]] == [log.trip_id for log in logs[:2]]
     assert shown["score"] == open_car(folder).diary.score.to_dict()
     plain = run("car", "show", folder, "--trips", 1)
-    assert "Last 1 trips" in plain
+    assert "Last 1 trip\n" in plain
     assert "Where the energy went" in plain
+    assert (_seen(None), _seen((17.8, 18.3)), _seen((-0.4, 6.0))) == (
+        "not measurable yet",
+        "18 °C",
+        "0 to 6 °C",
+    )
     said = json.loads(run("forecast", folder, files / f"{logs[0].trip_id}.csv", "--json"))
     own = open_car(folder).model().forecast(tw.read_route(files / f"{logs[0].trip_id}.csv"))
     assert said["energy_wh"] == pytest.approx(own.energy_wh, rel=1e-9)

@@ -74,7 +74,7 @@ def add_files(
     ...     sample_trips().trips[0].samples.to_csv(file, index=False)
     ...     store = create_store(Path(folder, "store"))
     ...     print(add_files(store, file, car_model="bmw_i3_60ah", vehicle_id="V1"))
-    1 trips added, 0 were known; 0 of the added have no sound drive
+    1 trip added, 0 known before; without a sound drive: 0
     """
     total = Added()
 

@@ -23,7 +23,7 @@ import pyarrow as pa
 import pyarrow.compute as pc
 
 from tripwatt.arrays import by_key
-from tripwatt.errors import Fault, InvalidInput, require_one
+from tripwatt.errors import Fault, InvalidInput, counted, require_one
 from tripwatt.fleet.store.delta import DeltaFolder, is_one_of, join_place, text_column
 from tripwatt.fleet.store.rows import (
     SAMPLES,
@@ -115,7 +115,7 @@ class Added:
         return Added(self.added + other.added, self.known + other.known, self.unusable + other.unusable)
 
     def __str__(self) -> str:
-        return f"{self.added} trips added, {self.known} were known; {self.unusable} of the added have no sound drive"
+        return f"{counted(self.added, 'trip')} added, {self.known} known before; without a sound drive: {self.unusable}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -169,7 +169,7 @@ class TripStore:
     ...     print(len(store.file_trips(store.trip_rows())))
     ...     print(store.about()["vehicles"], sorted(store.compact()))
     ...     print(store.forget("V1"))
-    2 trips added, 0 were known; 0 of the added have no sound drive
+    2 trips added, 0 known before; without a sound drive: 0
     (2, 2) 2
     [True]
     2
