@@ -45,15 +45,15 @@ def excerpt(value: Any, length: int = 60) -> str:
 
 
 def did_you_mean(name: object, known: Collection[str]) -> str:
-    """A question with the most similar of the known names, or the first that begins with the name; an empty text if there is none.
+    """A question with the most similar of the known names, or the first that has the name among its words; an empty text if there is none.
 
     Examples
     --------
-    >>> did_you_mean("tmie", ["time", "vel"]), did_you_mean("ambient", ["ambient_temperature_degc"]), did_you_mean("colour", ["time"])
-    ("did you mean 'time'?", "did you mean 'ambient_temperature_degc'?", '')
+    >>> did_you_mean("tmie", ["time", "vel"]), did_you_mean("km", ["kind", "distance_km"]), did_you_mean("colour", ["time"])
+    ("did you mean 'time'?", "did you mean 'distance_km'?", '')
     """
     text = str(name)[:60]
-    near = difflib.get_close_matches(text, known, n=1) or [one for one in known if one.startswith(f"{text}_")]
+    near = difflib.get_close_matches(text, known, n=1) or [one for one in known if f"_{text}_" in f"_{one}_"]
     return f"did you mean {near[0]!r}?" if near else ""
 
 

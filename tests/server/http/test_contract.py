@@ -196,6 +196,8 @@ def test_what_is_refused_names_what_is_allowed(service: Service, complete: Servi
         (unknown,) = service.client.get(path, params={"distance_km": 3, "ambient_temperature": 3} if path == "/v1/need"
                                         else {"ambient_temperature": 3}).json()["faults"]  # fmt: skip
         assert unknown["fix"] == "did you mean 'ambient_temperature_degc'?"
+    (unknown,) = service.client.get("/v1/need", params={"km": 50}).json()["faults"]
+    assert unknown["fix"] == "did you mean 'distance_km'?"
     for path, other in (
         ("/v1/live/leav", "'leaf'"),
         ("/v1/live/zzz", "/v1/live"),
