@@ -124,6 +124,14 @@ def test_a_router_that_fails_ends_the_plan_with_one_message(
         assert "Traceback" not in printed.err
 
 
+def test_a_wrong_place_has_the_name_that_the_help_gives_it(asked: Callable[..., Any]) -> None:
+    wrong = asked("plan", "Nowhere", "Westend", "Somewhere", "Elsewhere")
+    assert wrong.code == 2
+    for name, place in (("FROM", "Nowhere"), ("VIA", "Somewhere"), ("TO", "Elsewhere")):
+        assert f"unknown place: {name}: got {place}" in wrong.err
+    assert "out of range: FROM [VIA...] TO: got 1" in asked("plan", "Westend").err
+
+
 def test_a_map_without_roads_names_what_is_missing(run: Run, folder: Path) -> None:
     printed = run("plan", "Westend", "Ostheim", "--map", folder)
     assert printed.code == 2

@@ -58,7 +58,8 @@ def plan(
     """
     from tripwatt.roads.journey import JourneyOptions, open_atlas
 
-    with shared.options_named():
+    named = {f"stops[{k}]": "VIA" for k in range(len(stops))} | {f"stops[{len(stops) - 1}]": "TO"}
+    with shared.options_named(**named | {"stops[0]": "FROM", "stops": "FROM [VIA...] TO"}):
         with Check() as check:
             atlas, known = check(open_atlas, on_map.settings()), check(departure)
             options = check(

@@ -170,9 +170,9 @@ def one_trip(candidates: Sequence[tw.Trip], wanted: str | None, why_not: str = "
     raise InvalidInput.of("no single trip", "--trip", got, allowed)
 
 
-def options_named() -> AbstractContextManager[None]:
+def options_named(**more: str) -> AbstractContextManager[None]:
     """Name faults by the options of the command instead of the arguments of the library, within a `with` block."""
-    others = {"vehicle": "--car", "car": "--car", "reserve": "--reserve", "speed_m_s": "--speed"}
+    others = {"vehicle": "--car", "car": "--car", "reserve": "--reserve", "speed_m_s": "--speed"} | more
     return places_named({name: field.option for name, field in ASKED.items()} | others)
 
 
