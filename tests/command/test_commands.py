@@ -330,6 +330,13 @@ def test_a_run_that_is_interrupted_resumes_to_the_identical_table(
     resumed = run(*arguments(out), "--resume", "--json")
     fresh = run(*arguments(tmp_path / "fresh"), "--json")
     assert resumed.code == fresh.code == 0
+    folds = len((out / "folds.csv").read_text().splitlines()) - 1
+    told = re.search(r"--resume: (\d+) of (\d+) folds of this run were finished before", resumed.err)
+    assert told is not None
+    assert len(kept) <= int(told[1]) < int(told[2]) <= folds
+    again = run(*arguments(out), "--resume")  # of a run that has ended nothing is kept
+    assert f"--resume: 0 of {told[2]} folds of this run were finished before" in again.err
+    assert "--resume" not in fresh.err
     results = json.loads(resumed.out)
     assert results["evaluations"][0]["models"]["constant"]["fit_s"] == 12345.0, (
         "a finished fold was run again"

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from tripwatt import trips
 from tripwatt.command import shared
 from tripwatt.command.options import Answer, assignments, flag, option, require_effect
-from tripwatt.command.output import finished_folds, unfinished_folder, write_whole
+from tripwatt.command.output import unfinished_folder, write_whole
 from tripwatt.command.printing import console, print_notes, print_table, progress, say
 from tripwatt.errors import Check, Fault, InvalidInput, counted, raise_faults, require_extras
 from tripwatt.files import folder_lock
@@ -144,15 +144,20 @@ def _checked_car(options: dict[str, Any], car: str, overrides: list[str], n_jobs
 def _run(
     fleet: trips.TripSet, options: dict[str, Any], jobs: int, unfinished: Path, resume: bool
 ) -> EvaluationRun:
-    from tripwatt.study.evaluation import Execution
-    from tripwatt.study.evaluation import evaluate as run_evaluation
+    from tripwatt.study import evaluation
 
-    if resume and not finished_folds(unfinished):
-        say("--resume: this folder has no finished folds; the run starts from the beginning", err=True)
     try:
-        with progress(console()) as report_progress:
-            execution = Execution(jobs, unfinished / "folds", resume, report_progress)
-            return run_evaluation(fleet, **options, execution=execution)
+        with progress(console()) as advance:
+
+            def report(finished: int, total: int) -> None:
+                nonlocal resume
+                if resume:
+                    say(f"--resume: {finished} of {total} folds of this run were finished before", err=True)
+                resume = False
+                advance(finished, total)
+
+            execution = evaluation.Execution(jobs, unfinished / "folds", resume, report)
+            return evaluation.evaluate(fleet, **options, execution=execution)
     except (KeyboardInterrupt, SystemExit):
         say("interrupted: the finished folds are kept; continue with the same command and --resume", err=True)
         raise
@@ -161,7 +166,7 @@ def _run(
         fix = "make room and continue with the same command and --resume"
         raise InvalidInput.of("cannot keep the finished folds", "--out", got, fix=fix) from error
     except InvalidInput:
-        if not finished_folds(unfinished):
+        if not any(unfinished.glob("folds/*/*.fold")):
             shutil.rmtree(unfinished, ignore_errors=True)
         raise
 

@@ -29,11 +29,6 @@ def unfinished_folder(out: Path) -> Path:
     return folder
 
 
-def finished_folds(unfinished: Path) -> int:
-    """Count the finished folds that an interrupted run has left."""
-    return sum(1 for _ in unfinished.glob("folds/*/*.fold"))
-
-
 def write_whole(write: Callable[[Path], None], out: Path, unfinished: Path) -> None:
     """Call `write` to fill a new folder, replace `out` by it in one step, and remove `unfinished`.
 
