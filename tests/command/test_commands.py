@@ -18,6 +18,7 @@ import openpyxl
 import pytest
 from tests.support.command import Answer, answered
 
+from tripwatt.study.report.words import model_label
 from tripwatt.study.synthetic import synthetic_fleet
 from tripwatt.trips import Trip
 
@@ -269,8 +270,12 @@ def test_a_second_run_without_the_sheet_replaces_its_files_and_keeps_the_users(
     (out / "figures" / "stale.png").write_text("old")
     (out / "results.json").write_text("old")
     (out / "my notes.txt").write_text("mine")
-    answer = run("evaluate", tum, "--out", out, "--models", FAST, "--jobs", 1)
+    asked = f"{FAST},linear4,linear6,physics4"
+    answer = run("evaluate", tum, "--out", out, "--models", asked, "--jobs", 1)
     assert answer.code == 0, answer.err
+    labels = {model_label(name) for name in asked.split(",")}
+    assert len(labels) == 6
+    assert all(label in answer.out for label in labels), answer.out
     assert "4 reference" in answer.out
     assert (out / "my notes.txt").read_text() == "mine"
     assert not (out / "figures" / "stale.png").exists()

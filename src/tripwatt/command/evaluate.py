@@ -96,7 +96,7 @@ def evaluate(
 
     failed = [note for note in run.results["notes"] if " trips scored; " in note]
     last = (*failed, f"Report, with all models and the notes of the run: {out / 'report.html'}")
-    return Answer(run.results, partial(_show, (short_table(View(run.results)),), *last))
+    return Answer(run.results, partial(_show, (short_table(View(run.results), whole=bool(models)),), *last))
 
 
 def _names(options: list[str] | None) -> list[str] | None:

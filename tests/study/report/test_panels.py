@@ -129,6 +129,7 @@ def test_short_table_is_the_best_of_each_kind_and_holds_the_best_of_all(made_up:
     assert min(m["mape"] for m in models.values()) == min(models[m]["mape"] for m in names)
     few = {**view.main, "models": {m: models[m] for m in ("linear4", "linear6", "physics")}}
     assert short_table_models(View({"evaluations": [few]})) == ["linear4", "linear6", "physics"]
+    assert len(short_table(view, whole=True).rows) == len(models) > len(short_table(view).rows)
 
 
 def test_a_page_holds_the_results_and_keeps_the_rest(run: SimpleNamespace, tmp_path) -> None:

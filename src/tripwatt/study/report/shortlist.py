@@ -44,9 +44,9 @@ def short_table_models(view: View) -> list[str]:
     return [*shown[:-1], published, shown[-1]]
 
 
-def short_table(view: View) -> Table:
-    """Tabulate the models of `short_table_models`: mean error with its interval, that of the paper, and coverage if there is a forecast."""
-    rows = [{**view.scores[m], "name": m} for m in short_table_models(view)]
+def short_table(view: View, *, whole: bool = False) -> Table:
+    """Tabulate the models of `short_table_models`, or all if `whole`: mean error with its interval, that of the paper, and coverage if there is a forecast."""
+    rows = [{**view.scores[m], "name": m} for m in (view.models if whole else short_table_models(view))]
     published = in_percent("Mean error in the paper [%]", lambda row: view.published.get(row["name"]))
     inside = in_percent(_INSIDE, lambda row: (row.get("coverage") or {}).get("0.9"), 0)
     return make_table(
