@@ -39,6 +39,10 @@ def test_the_table_has_units_and_words(run: Run, route: Path) -> None:
     assert "take off the roof box" in shown
     assert "saves kWh" in shown
     empty = run("advise", route, "--soc", 0.05, "--ambient", -5)
+    assert (empty.code, "warning: the trip takes" in empty.err) == (
+        0,
+        True,
+    )  # as the page of the command line says
     assert "more than is in the battery" in empty.err
     assert "What saves energy" not in empty.out  # nothing helps on the way: no table without rows
     assert "faster overall if you charge below kW" in " ".join(shown.split())

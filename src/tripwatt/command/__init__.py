@@ -1,7 +1,7 @@
 """The command line: parse, call, print. Each command is a thin layer over a public function.
 
-Exit codes: 0 success; 1 success with something to look at (a data set with missing trips, a mapping with gaps); 2 the
-input cannot be used or the output cannot be written; 70 an error of tripwatt itself; 130 interrupted; 143 terminated.
+Exit codes: 0 success; 1 success in part (a mapping with gaps, a damaged car among others); 2 the input cannot be used or
+the output cannot be written; 70 an error of tripwatt itself; 130 interrupted; 143 terminated.
 """
 
 from __future__ import annotations
@@ -94,7 +94,7 @@ class _LazyGroup(TyperGroup):
 app = typer.Typer(
     cls=_LazyGroup,
     help="Forecast the battery energy of an electric-car trip with a prediction interval.",
-    epilog="Exit codes: 0 success, 1 success with warnings, 2 invalid input, 70 error of tripwatt, 130 interrupted, 143 terminated.",
+    epilog="Exit codes: 0 success, 1 success in part, 2 invalid input, 70 error of tripwatt, 130 interrupted, 143 terminated.",
     no_args_is_help=True,
     add_completion=False,
     pretty_exceptions_enable=False,
