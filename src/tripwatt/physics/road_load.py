@@ -189,9 +189,9 @@ def grade_from_elevation(time_s: FloatArray, speed_m_s: FloatArray, elevation_m:
     sound = heights_of_a_road(time_s, distance, elevation_m)
     border, height = _height_over_distance(distance, sound, known)
     steepest = STEEPEST_GRADE * border[1]
-    if (np.abs(np.diff(height)) > steepest).any():
-        height = _with_slope_at_most(steepest, height)
     rise, reach = height[1:] - height[:-1], len(GRADE_WEIGHT) // 2
+    if (np.abs(rise) > steepest).any():
+        rise = np.diff(_with_slope_at_most(steepest, height))
     # Mirrored ends let the smoothed slopes climb exactly as high as the unsmoothed ones.
     place = np.arange(-reach, len(rise) + reach) % (2 * len(rise))
     rise = np.convolve(rise[np.minimum(place, 2 * len(rise) - 1 - place)], GRADE_WEIGHT, mode="valid")

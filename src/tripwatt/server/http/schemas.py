@@ -394,7 +394,7 @@ class TripRequest(DepartureRequest):
 
 def departure_of(request: DepartureRequest) -> Departure:
     """Return the departure of a request."""
-    return Departure(**request.model_dump(include={*ASKED}))
+    return Departure(**{name: getattr(request, name, None) for name in ASKED})
 
 
 class RoadRequest(StrictModel):
