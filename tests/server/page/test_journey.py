@@ -525,6 +525,43 @@ def test_who_charges_at_the_start_drives_nowhere_first_and_a_doubtful_charge_is_
     page.unroute("**/v1/journeys")
 
 
+def test_the_next_station_has_a_plug_of_the_car_and_its_way_is_told(page: Any) -> None:
+    def without_another(route: Any) -> None:
+        body = route.request.post_data_json
+        body["stops"].sort(key=lambda stop: stop["longitude_deg"])  # the router of these tests has one road
+        answer = route.fetch(post_data=json.dumps(body)).json() | {"plugs": ["type2_combo"]}
+        if body.get("answers") is not False:
+            whole = charging(answer, "fastest", 0.45, 12.0)
+            answer["charging"] = whole | {"stops": [whole["stops"][0] | {"if_full": None}]}
+        route.fulfill(json=answer)
+
+    def around(route: Any) -> None:
+        at = [(9.03, "Stecker", "type2_combo"), (9.04, "Fremd", "chademo")]
+        places = [
+            STATION | {"longitude_deg": lon, "name": name, "plugs": [plug(kind)]} for lon, name, kind in at
+        ]
+        route.fulfill(json={"settlements": [], "stations": places, "attribution": ""})
+
+    def plug(kind: str) -> dict[str, Any]:
+        return {"kind": kind, "power_w": 150_000.0, "power_known": True}
+
+    page.route("**/v1/map/view**", around)
+    page.route("**/v1/journeys", without_another)
+    whole_answer(page, lambda: page.get_by_role("slider", name="Battery at departure").fill("31"))
+    told = page.locator(".todo:not(.old) li", has_text="Stecker")
+    told.wait_for()
+    way = (
+        "If it is occupied, wait, or drive to “Stecker”, the nearest other station for this car: "
+        r"7\.[0-9] km \([0-9]+ min\) by road, away from your destination\. "
+        r"You get there in 9[0-9] of 100 trips, with [0-4] to [5-9] %\."
+    )
+    assert re.fullmatch(way, told.inner_text().replace("\u00a0", " ").strip())
+    stations = page.get_by_role("combobox", name="Charging stations in view").locator("option")
+    assert [one.split(" · ")[0] for one in stations.all_inner_texts()[1:]] == ["Halbweg", "Stecker"]
+    page.unroute("**/v1/journeys")
+    page.unroute("**/v1/map/view**")
+
+
 def test_a_plan_with_fewer_stops_is_one_tap_away(page: Any) -> None:
     def with_stops(route: Any) -> None:
         answer = route.fetch().json()
