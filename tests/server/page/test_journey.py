@@ -514,7 +514,7 @@ def test_who_charges_at_the_start_drives_nowhere_first_and_a_doubtful_charge_is_
     held.pop().continue_()
     page.get_by_role("heading", name="Drive slowly to Halbweg, and you will arrive").wait_for()
     told = [one.replace("\u00a0", " ") for one in page.locator(".todo li").all_inner_texts()]
-    slowly = "To save charge, drive 0.9 km at most at 60 km/h, with heating and air conditioning off, to “Halbweg” and charge for"
+    slowly = "Drive 0.9 km, no faster than 60 km/h and with heating and air conditioning off, to “Halbweg” and charge for"
     assert told[0].startswith(slowly)
     assert re.match("You get there in .* Driven as usual: in ", told[1])
     assert page.locator(".verdict-open .chance-open").count() == 1

@@ -51,7 +51,7 @@ export const isLow = computed(() => {
   return departsAt === null && soc < Math.max(reserve, LOW_SOC);
 });
 
-/** The ways to the first stop of a plan that a car with little charge may not reach with the reserve; undefined while they are looked for. */
+/** The ways to the first stop of a plan that a car with little charge may not reach; undefined while they are looked for. */
 export const ways = signal<Ways | null | undefined>(null);
 
 const reserve = () => (journey.value?.verdict.reason === BELOW ? 0 : conditions.value.reserve);
@@ -76,7 +76,9 @@ export function keepWays(): void {
   effect(() => {
     const [first] = usualPlan.value?.stops ?? [];
     const isAway = first && first.position_m >= HERE_M;
-    const doubtful = isAway && isLow.value && first.p_reach < CERTAIN ? first : null;
+    // who leaves with less than the reserve has the chance to get there at all
+    const chance = journey.value?.verdict.reason === BELOW ? first?.p_reach : usualPlan.value?.p_arrive;
+    const doubtful = isAway && isLow.value && (chance ?? 1) < CERTAIN ? first : null;
     untracked(() => {
       ways.value = doubtful ? undefined : null;
       runner.submit(doubtful);

@@ -146,7 +146,7 @@ const de: Text = {
     atMost: (speed) => `Oder auf der Autobahn höchstens ${speed} und ohne Ladestopp fahren.`,
     unnamedStation: "Ladestation",
     driveTo: (far, pace) =>
-      `${far}${pace && `, um Ladung zu sparen mit höchstens ${pace} und ohne Heizung und Klimaanlage,`} bis „`,
+      `${far}${pace && `, höchstens mit ${pace} und ohne Heizung und Klimaanlage,`} bis „`,
     navigate: "In einer Navigations-App öffnen",
     forThere: (time, arrival, leave, clock, day) =>
       `“ fahren und dort ${time} laden, von ${arrival} auf ${leave}; Ankunft dort${day && ` ${day}`} gegen ${clock}.`,

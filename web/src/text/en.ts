@@ -142,7 +142,7 @@ export const en = {
     atMost: (speed: string) => `Or drive at most ${speed} on motorways, without a charging stop.`,
     unnamedStation: "Charging station",
     driveTo: (far: string, pace: string) =>
-      `${pace ? `To save charge, drive ${far} at most at ${pace}, with heating and air conditioning off,` : `Drive ${far}`} to “`,
+      `Drive ${far}${pace && `, no faster than ${pace} and with heating and air conditioning off,`} to “`,
     navigate: "Open in a navigation app",
     forThere: (time: string, arrival: string, leave: string, clock: string, day: string) =>
       `” and charge ${time}, from ${arrival} to ${leave}; you are there${day && ` ${day}`} at about ${clock}.`,
