@@ -113,8 +113,7 @@ def propulsion(
     taken = np.minimum(braking * regeneration.fraction * fade, regeneration.max_power_w * acceptance)
     taken = np.minimum(taken, regeneration.max_torque_nm * speed_rad_s / efficiency)
     shaft -= taken * efficiency
-    with np.errstate(invalid="ignore", divide="ignore"):
-        torque = np.where(speed_rad_s > 0.0, shaft / speed_rad_s, 0.0)
+    torque = shaft / np.maximum(speed_rad_s, TINY)  # no power at standstill
     motor_power = shaft + motor_loss(torque, speed_rad_s, drivetrain)
     useless = (taken > 0.0) & (motor_power >= 0.0)
     motor_power[useless] = 0.0

@@ -96,8 +96,7 @@ def rolling_resistance_force(
     array([ 0.  , 98.07])
     """
     constant, linear = coefficients
-    force = mass_kg * GRAVITY_M_S2 * cosine * (constant + linear * speed_m_s)
-    return np.asarray(np.where(speed_m_s > 0.0, force, 0.0), dtype=np.float64)
+    return np.asarray(mass_kg * GRAVITY_M_S2 * cosine * (constant + linear * speed_m_s) * (speed_m_s > 0.0))
 
 
 def rolling_factor(

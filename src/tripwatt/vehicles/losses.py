@@ -54,8 +54,7 @@ def _given_flux(
     Above `field_weakening_speed_rad_s` a current along the flux weakens the field.
     """
     q_current = torque / drivetrain.torque_constant_nm_a
-    with np.errstate(divide="ignore", over="ignore"):
-        weakening = 1.0 - drivetrain.field_weakening_speed_rad_s / speed_rad_s
+    weakening = 1.0 - drivetrain.field_weakening_speed_rad_s / np.maximum(speed_rad_s, 1e-9)
     d_current = drivetrain.characteristic_current_a * np.maximum(weakening, 0.0)
     squared = q_current * q_current + d_current * d_current
     copper = (1.5 * drivetrain.phase_resistance_ohm + drivetrain.inverter_resistance_ohm) * squared
@@ -77,7 +76,5 @@ def _chosen_flux(
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         limit = np.minimum(drivetrain.field_weakening_speed_rad_s / speed_rad_s, 1.0)
         squared = np.minimum(np.sqrt(copper / field), limit * limit)
-        loss = (
-            copper / squared + field * squared + drivetrain.inverter_voltage_drop_v * full / np.sqrt(squared)
-        )
-    return np.asarray(loss, dtype=np.float64)
+        inverter = drivetrain.inverter_voltage_drop_v * full / np.sqrt(squared)
+        return np.asarray(copper / squared + field * squared + inverter)
