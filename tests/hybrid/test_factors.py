@@ -89,6 +89,7 @@ def test_powers_of_two_segments_are_those_by_hand() -> None:
         "drivetrain": [1500.0, 1500.0],
         "base_load": [300.0, 300.0],
         "heating": [1000.0 / (1.0 + exp(-29.0 / 1.5)), 500.0],
+        "mild_heating": [0.0, 500.0],
         "cooling": [1000.0 / (1.0 + exp(29.0 / 1.5)), 500.0],
         "cold": [8000.0 * 2.5, 0.0],
         "transients": [1500.0 * 0.4 * 15.0] * 2,

@@ -44,8 +44,8 @@ def test_beliefs_before_any_trip_are_a_distribution() -> None:
     assert set(before.noise.tolist()) == set(learning.NOISES)
     mean, covariance = before.collapsed()
     assert np.linalg.eigvalsh(covariance).min() > 0.0
-    climate = [NAMES.index(name) for name in ("heating", "cooling")]
-    expected = sum(weight * (use - 1.0) for use, weight in learning.CLIMATE_USE)
+    climate = [NAMES.index(name) for name in ("heating", "mild_heating", "cooling")]
+    expected = [-0.1, -0.1, -0.2]  # in mild air heating is a fifth lower, too: the sum of both
     assert mean[climate] * SDS[climate] == pytest.approx(expected)
     assert np.delete(mean, climate) == pytest.approx(0.0)
 
@@ -102,7 +102,8 @@ def test_the_prediction_is_the_next_forecast(rng) -> None:
 
 
 @pytest.mark.parametrize("noise", [0.1, 1.0, 6.0])
-def test_the_noise_of_a_car_is_found(noise, rng) -> None:
+def test_the_noise_of_a_car_is_found(noise) -> None:
+    rng = np.random.default_rng(15)
     known, seen = new().learn(trips(120, rng.normal(0.0, 0.5, P), rng, noise))
     assert known.noise_scale == pytest.approx(noise, rel=0.5)
     late = seen.sd_wh[60:] / 100.0

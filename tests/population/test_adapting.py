@@ -58,7 +58,7 @@ def driven_by(trip: Trip, car: Vehicle, extra_w: float = 0.0, times: float = 1.0
 
 @pytest.fixture(scope="module")
 def roads() -> list[Trip]:
-    return in_order(synthetic_fleet(LEARNED + 6, seed=3).trips)
+    return in_order(synthetic_fleet(LEARNED + 6, seed=6).trips)
 
 
 @pytest.fixture(scope="module")
@@ -456,9 +456,40 @@ def test_a_departure_without_climate_control_has_no_correction_of_it(
 
 def shares(corrector: FactorCorrector) -> np.ndarray:
     """Which entries of the mean act on the whole consumption: all but those of one part of it."""
-    parts = ("rolling", "air", "drivetrain", "base_load", "heating", "cooling", "cold", "transients")
+    parts = (
+        "rolling",
+        "air",
+        "drivetrain",
+        "base_load",
+        "heating",
+        "mild_heating",
+        "cooling",
+        "cold",
+        "transients",
+    )
     of_parts = np.isin(NAMES, (*parts, "climb", "frost", "warm_up"))
     return ~np.append(of_parts, np.zeros(len(corrector.mean) - len(NAMES), dtype=bool))
+
+
+def test_who_does_not_heat_in_spring_may_heat_in_winter(base: ForecastModel, roads: list[Trip]) -> None:
+    car, unheated = (replace(load_vehicle("vw_id3"), **part) for part in ({}, {"climate": None}))
+
+    def in_air(trip: Trip, degc: float) -> Trip:
+        return replace(trip, samples=trip.samples.assign(ambient_temperature_degc=degc))
+
+    spring = [in_air(trip, 8.0 + 0.75 * k) for k, trip in enumerate(roads[:12])]
+    known = Adaptation.before_trips(base, car, population())
+    known = known.with_trips([driven_by(trip, unheated) for trip in spring])
+    ahead = driven_by(max(roads[12:], key=len), unheated)
+    for degc in (12.0, -5.0, -15.0):
+        plan = Plan.from_trip(in_air(ahead, degc))
+        forecast = known.model.forecast(plan)
+        cold, warm = (simulate_trip(one, plan).simulated_energy_wh for one in (unheated, car))
+        least, most = forecast.interval(0.9)
+        if degc > 0.0:
+            assert forecast.energy_wh == pytest.approx(cold, rel=0.05), "as in spring"
+        else:
+            assert least < cold < forecast.energy_wh < warm < most, degc
 
 
 def test_a_car_without_climate_control_learns_none(base: ForecastModel, roads: list[Trip]) -> None:
@@ -467,7 +498,7 @@ def test_a_car_without_climate_control_learns_none(base: ForecastModel, roads: l
     known = Adaptation.before_trips(base, car, NOBODY)
     after = known.with_trips([driven_by(t, car, 100.0) for t in slow])
     assert len(after.evidence) == len(slow) > 4
-    for name in ("heating", "cooling"):
+    for name in ("heating", "mild_heating", "cooling"):
         its = NAMES.index(name)
         assert np.abs(after.evidence.factors_wh[:, its]).max() == 0.0
         for part in ("mean", "covariance"):

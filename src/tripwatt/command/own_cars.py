@@ -31,6 +31,7 @@ WORDS = {
     "air": "air drag",
     "drivetrain": "losses of the drivetrain",
     "base_load": "base load",
+    "mild_heating": "heating in mild air",
     "cold": "driving losses for each 10 K below 15 °C",
     "transients": "braking and accelerating",
     "frost": "load for each 10 K below freezing",

@@ -1,9 +1,9 @@
 """Named factors by which a car on the road differs from its simulation, and the evidence of trips on these factors.
 
 The residual energy of a trip, observed minus simulated, is linear in a few named factors. There are relative changes of everything but
-the climb, of the climb, road load, drivetrain, base load, heating and cooling; losses in the cold and with changes of speed; loads below
-freezing and while the car warms up; and relative changes around a temperature. The energies by factor follow from the simulation of the
-car; no second simulation is needed.
+the climb, of the climb, road load, drivetrain, base load, heating, heating in mild air, and cooling; losses in the cold and with changes of
+speed; loads below freezing and while the car warms up; and relative changes around a temperature. The energies by factor follow from the
+simulation of the car; no second simulation is needed.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from tripwatt.vehicles import Vehicle
 EVERYTHING: Final = "everything"
 """A relative change of all energy but the potential energy of the climb, which the mass alone determines."""
 CLIMB: Final = "climb"
-CLIMATE: Final = ("heating", "cooling")
+CLIMATE: Final = ("heating", "mild_heating", "cooling")
 BY_SPEED: Final = ("rolling", "air", "drivetrain", "base_load", "transients")
 """Factors whose share of the driving energy differs between roads at the same outside temperature."""
 
@@ -91,6 +91,7 @@ FACTORS: Final = (
     _driving("drivetrain", 0.20, 0.20, 0.05, "an assumption"),
     _driving("base_load", 0.40, 0.40, 0.30, "lights, fans and seats that drivers switch on: an assumption"),
     Factor("heating", 0.35, "1", 0.20, 0.15, ASSUMED_DF, "heat demand with and without recirculated air: an assumption"),
+    Factor("mild_heating", 0.35, "1", 0.10, 0.15, ASSUMED_DF, "sun, passengers and the chosen temperature count for more in mild air: an assumption"),
     Factor("cooling", 0.35, "1", 0.20, 0.15, ASSUMED_DF, "compressors of one car alone are measured: an assumption"),
     Factor("cold", 0.04, "1", 0.02, 0.03, ASSUMED_DF, "share of the energy moved at the wheels for each 10 K below 15 °C: tyres and oil"),
     _driving("transients", 0.10, 0.10, 0.01, "share of mass times speed times the mean change of speed; the driver is in the trace"),
@@ -101,9 +102,9 @@ FACTORS: Final = (
 )  # fmt: skip
 """The factors, with their spreads between car models and between vehicles of one model."""
 
-ACTS_DEGC: Final = {"heating": (-60.0, 19.0), "cooling": (19.0, 60.0), "cold": (-60.0, 15.0), "frost": (-60.0, 0.0), "warm_up": (-60.0, 15.0)}  # fmt: skip
+ACTS_DEGC: Final = {"heating": (-60.0, 19.0), "mild_heating": (-5.0, 19.0), "cooling": (19.0, 60.0), "cold": (-60.0, 15.0), "frost": (-60.0, 0.0), "warm_up": (-60.0, 15.0)}  # fmt: skip
 """Outside temperatures [°C] between which a factor acts. A factor of `SEASONS` acts within `_NEAR_K` of its temperature; the others
-always act."""
+always act. `mild_heating` acts in full from 5 °C on: who heats little in spring may heat as others do in winter; choices."""
 
 NAMES: Final = tuple(factor.name for factor in FACTORS)
 UNITS: Final = {factor.name: factor.unit for factor in FACTORS}
@@ -159,6 +160,7 @@ def factor_power(table: SegmentTable, mass_kg: float) -> FloatArray:
     ambient = np.where(np.isfinite(known), known, 15.0)
     # the turn from heating to cooling takes some 3 K; a choice
     cooling = 1.0 / (1.0 + np.exp(-np.clip((ambient - MILD_DEGC) / 1.5, -30.0, 30.0)))
+    heating_w = column["climate_w"] * (1.0 - cooling)
     level_w = table.simulated_w - column["climb_w"]
     # soaked cabin and oil are warm within some ten minutes
     powers = (
@@ -167,7 +169,8 @@ def factor_power(table: SegmentTable, mass_kg: float) -> FloatArray:
         column["air_w"],
         column["drivetrain_w"],
         column["base_load_w"],
-        column["climate_w"] * (1.0 - cooling),
+        heating_w,
+        heating_w * np.clip((ambient - ACTS_DEGC["mild_heating"][0]) / 10.0, 0.0, 1.0),
         column["climate_w"] * cooling,
         column["moved_w"] * np.maximum(0.0, 15.0 - ambient) / 10.0,
         mass_kg * column["speed_change_m_s2"] * column["speed_m_s"],

@@ -22,7 +22,6 @@ import numpy as np
 
 from tripwatt.arrays import FloatArray, IntArray, covariance_factor
 from tripwatt.hybrid.factors import (
-    CLIMATE,
     EVERYTHING,
     NAMES,
     SDS,
@@ -44,9 +43,9 @@ SPREADS: Final = ((0.5, 1.0), (1.0, 1.0), (2.0, 0.2))
 """Scales of the population's spread, and their weights before any trip: together a prior with heavy tails. The factor `everything`
 and the other factors have separate scales."""
 
-CLIMATE_USE: Final = ((1.0, 0.7), (0.5, 0.2), (0.0, 0.1))
-"""Share of the simulated climate control that a driver uses, and its weight before any trip: an assumption, since a log without climate
-control does not show it."""
+CLIMATE_USE: Final = ((1.0, 1.0, 0.7), (0.5, 0.75, 0.2), (0.0, 1.0, 0.05), (0.0, 0.0, 0.05))
+"""Share of the simulated climate control that a driver uses in mild and hot air, share of the heating in the cold, and their weight before
+any trip: an assumption, since a log without climate control does not show it. Half of those who do without it in spring heat in winter."""
 
 NOISES: Final = (0.0625, 0.125, 0.25, 0.5, 1.0, 2.0, 4.0, 8.0)
 """Variances of a car's errors relative to the usual variance; a choice, in steps of two."""
@@ -149,15 +148,16 @@ class Experts:
             for scale, weight in SPREADS:
                 scales = np.array([all_scale if name == EVERYTHING else scale for name in NAMES])
                 beliefs.append((3, all_weight * weight / total, mean, covariance * np.outer(scales, scales)))
-        climate = np.isin(NAMES, CLIMATE) / SDS
+        climate = np.equal.outer(("heating", "mild_heating", "cooling"), NAMES) / SDS
+        uses = [([cold - 1.0, mild - cold, mild - 1.0] @ climate, share) for mild, cold, share in CLIMATE_USE]
         noise = np.array(NOISES)
         # log-normal with a median of 0.75, and so a mean near 1
         by_noise = np.exp(-0.5 * np.log(noise / 0.75) ** 2)
         by_noise /= by_noise.sum()
         every = [
-            (kind, KIND_WEIGHTS[kind] * weight * share * part, centre - (1.0 - use) * climate, spread, sd)
+            (kind, KIND_WEIGHTS[kind] * weight * share * part, centre + use, spread, sd)
             for kind, weight, centre, spread in beliefs
-            for use, share in CLIMATE_USE
+            for use, share in uses
             for sd, part in DRIFTS
         ]
         full = np.zeros((len(every), p + 1, p + 1))

@@ -747,6 +747,7 @@ const de: Text = {
       drivetrain: "Verluste im Antrieb",
       base_load: "Elektronik",
       heating: "Heizung",
+      mild_heating: "Heizung bei milder Luft",
       cooling: "Kühlung",
       cold: "Fahrverluste je 10 °C unter 15 °C",
       transients: "Beschleunigen und Bremsen",

@@ -751,6 +751,7 @@ export const en = {
       drivetrain: "drivetrain losses",
       base_load: "electronics",
       heating: "heating",
+      mild_heating: "heating in mild air",
       cooling: "cooling",
       cold: "driving losses for each 10 °C below 15 °C",
       transients: "braking and accelerating",
