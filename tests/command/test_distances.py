@@ -64,6 +64,7 @@ def test_range_has_the_numbers_of_python(run: Run) -> None:
 def test_tables_have_units_and_every_kind_of_road(run: Run) -> None:
     table = run("need", "20", "--ambient", 10).out
     assert "20.0 km, mixed" in table
+    assert "2 trips of 10.0 km, mixed" in run("need", "10", "--trips", 2).out
     assert re.search(r"likely +\d+\.\d\d kWh", table)
     assert re.search(r"middle half +\d+\.\d\d to \d+\.\d\d kWh", table)
     assert "cautious (95 %)" in table

@@ -37,7 +37,7 @@ def test_a_longer_gap_is_refused_with_its_place() -> None:
         "give the whole trace, or the planned route as links"
     )
     time = np.concatenate((np.arange(10.0), 200.0 + np.arange(10.0), 400.0 + np.arange(10.0)))
-    assert "no samples for 191 s (and 1 more gaps)" in str(next(time_faults(time, "x")))
+    assert "no samples for 191 s (one of 2 gaps)" in str(next(time_faults(time, "x")))
 
 
 @pytest.mark.parametrize(

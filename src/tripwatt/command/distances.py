@@ -74,10 +74,10 @@ def need(
         known, asked = departure(), {"probability": probability, "trips": trips, "reserve": drive.reserve}
         result, document = need_before_departure(ahead, drive.kind, known, plug, **asked, **car)
         document |= {"usual_trip": trip} | ({"car": Path(f"{drive.car}").name} if again else {})
-    return Answer(document, partial(_show_need, result, document, known.departs_at))
+    return Answer(document, partial(_show_need, result, trips, document, known.departs_at))
 
 
-def _show_need(result: tw.Need, answer: Mapping[str, Any], leaves: dt.datetime | None) -> None:
+def _show_need(result: tw.Need, trips: int, answer: Mapping[str, Any], leaves: dt.datetime | None) -> None:
     lower, upper = map(kwh, result.half_wh)
     rows = [
         ("likely", kwh(result.energy_wh)),
@@ -89,7 +89,8 @@ def _show_need(result: tw.Need, answer: Mapping[str, Any], leaves: dt.datetime |
         rows.append(("on the plug", f"{kwh(answer['wall_wh'])} at {power}, {period(answer['charging_s'])}"))
     if answer["preheat"]:
         rows.append(("preheat", begins(answer["preheat"]["before_s"], leaves)))
-    title = f"{result.distance_m / 1000.0:.1f} km, {result.kind}, {result.title}"
+    times = f"{trips} trips of " if trips > 1 else ""
+    title = f"{times}{result.distance_m / 1000.0 / trips:.1f} km, {result.kind}, {result.title}"
     print_table(title, ("what", "value"), rows)
     say(answer["message"])
     _show_doubt(result)

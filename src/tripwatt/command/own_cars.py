@@ -30,14 +30,12 @@ WORDS = {
     "rolling": "rolling resistance",
     "air": "air drag",
     "drivetrain": "losses of the drivetrain",
-    "base_load": "base load",
-    "mild_heating": "heating in mild air",
     "cold": "driving losses for each 10 K below 15 °C",
     "transients": "braking and accelerating",
     "frost": "load for each 10 K below freezing",
     "warm_up": "load at departure at 0 °C",
 }
-"""Factor of a car -> words for it; factors of a season, `near_` and a temperature, have no entry."""
+"""Factor of a car -> words for it, where its name alone does not say it; factors of a season have their temperature."""
 
 
 def new(
@@ -266,7 +264,7 @@ def _in_words(factor: str) -> str:
 
     if factor in SEASONS:
         return f"the whole consumption around {SEASONS[factor]:.0f} °C"
-    return WORDS.get(factor, factor)
+    return WORDS.get(factor, factor.replace("_", " "))
 
 
 def _seen(degc: tuple[float, float] | None) -> str:

@@ -60,7 +60,7 @@ def time_faults(time_s: FloatArray, where: str) -> Iterator[Fault]:
         yield Fault("duration out of range", place, f"{span:g} s", f"at most {MAX_DURATION_S:g} s", fix)
     elif len(gaps):
         k = int(gaps[0])
-        others = f" (and {len(gaps) - 1} more gaps)" if len(gaps) > 1 else ""
+        others = f" (one of {len(gaps)} gaps)" if len(gaps) > 1 else ""
         place = f"{where}, column 'time_s', row {k + 2}"
         got = f"no samples for {step[k]:g} s{others}"
         fix = fix or "give the whole trace, or the planned route as links"

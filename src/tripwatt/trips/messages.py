@@ -137,6 +137,8 @@ def leave_in_words(soc: float, reserve: float, probability: float) -> str:
     '45 % is enough to arrive with 10 % left in 19 of 20 trips.'
     >>> leave_in_words(1.112, 0.1, 0.9)
     'A full battery is not enough to arrive with 10 % left in 9 of 10 trips: you need 12 % more.'
+    >>> leave_in_words(3.96, 0.1, 0.9)
+    'A full battery is not enough to arrive with 10 % left in 9 of 10 trips: it takes 4.0 full batteries.'
     >>> leave_in_words(0.0, 0.0, 0.5)
     'Any charge is enough to arrive in 1 of 2 trips.'
     """
@@ -147,7 +149,8 @@ def leave_in_words(soc: float, reserve: float, probability: float) -> str:
     aim = f"to arrive{reserve_text} in {fraction.numerator} of {fraction.denominator} trips"
     percent = math.ceil(100.0 * (soc - 1.0 if soc > 1.0 else soc) - 1e-6)
     if soc > 1.0:
-        return f"A full battery is not enough {aim}: you need {percent} % more."
+        needed = f"you need {percent} % more" if soc < 2.0 else f"it takes {soc:.1f} full batteries"
+        return f"A full battery is not enough {aim}: {needed}."
     return f"{percent} % is enough {aim}." if soc > 0.0 else f"Any charge is enough {aim}."
 
 
