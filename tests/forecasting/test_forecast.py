@@ -638,8 +638,9 @@ def test_causes(forecast):
     simulated = 3000 / 60 + 12000 / 30 + 6000 / 20
     causes = forecast.by_cause_wh
     assert (causes["aero"], causes["climb"]) == pytest.approx((400.0, 100.0), **EXACT)
-    assert causes["climate"] == pytest.approx(240.0 + simulated - 740.0, **EXACT)
-    assert causes["correction"] == pytest.approx(100 / 60 - 200 / 30 + 50 / 20, **EXACT)
+    learned = 50.0 / 10  # of climate control, in six minutes
+    assert causes["climate"] == pytest.approx(240.0 + simulated - 740.0 + learned, **EXACT)
+    assert causes["correction"] == pytest.approx(100 / 60 - 200 / 30 + 50 / 20 - learned, **EXACT)
     assert forecast.battery_loss_wh == pytest.approx((300 * 120 + 600 * 240) / 3600, **EXACT)
 
 

@@ -414,14 +414,18 @@ class Forecast:
 
     @property
     def by_cause_wh(self) -> dict[str, float]:
-        """Energy by cause [Wh]; the parts add up to `energy_wh`. Losses inside the battery are not included."""
+        """Energy by cause [Wh]; the parts add up to `energy_wh`. Losses inside the battery are not included.
+
+        What the model learned of climate control is a part of it; what it learned of everything else is the correction.
+        """
         parts, table = dict(self.drive.simulation.by_cause_wh), self.drive.table
-        simulated = float(table.simulated_w @ table.hours)
-        parts["climate"] += simulated - sum(parts.values())  # rounding of the segments' ends
+        simulated, climate_w = float(table.simulated_w @ table.hours), self.drive.climate_w
+        learned_w = 0.0 if climate_w is None else climate_w - self.drive.segments.climate_w
+        learned = float(np.sum(learned_w * table.hours))
+        parts["climate"] += learned + simulated - sum(parts.values())  # with rounding of the segments' ends
         course_wh = float(self._course_wh[-1])
         parts["climb"] += self.energy_wh - course_wh
-        parts["correction"] = course_wh - simulated
-        return parts
+        return {**parts, "correction": course_wh - simulated - learned}
 
     @property
     def level_wh(self) -> float:

@@ -535,8 +535,10 @@ const de: Text = {
     },
     changes: { correction: "Aus gemessenen Fahrten gelernt" },
     note: (unit, loss) => `In ${unit}, aus der Batterie. Weitere ${loss} werden in ihr zu Wärme.`,
-    learnedOwn: "Die Korrektur ist, was die gemessenen Fahrten dieses Autos der Physik hinzufügen.",
-    learnedOf: (car) => `Die Korrektur ist, was gemessene Fahrten eines ${car} der Physik hinzufügen.`,
+    learnedOwn:
+      "Die Korrektur ist, was die gemessenen Fahrten dieses Autos der Physik hinzufügen, außer bei Heizen und Kühlen.",
+    learnedOf: (car) =>
+      `Die Korrektur ist, was gemessene Fahrten eines ${car} der Physik hinzufügen, außer bei Heizen und Kühlen.`,
   },
   arrival: {
     dots: (dots) => `Jeder Punkt ist einer von ${dots} gleich wahrscheinlichen Ausgängen.`,

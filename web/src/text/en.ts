@@ -539,8 +539,10 @@ export const en = {
     },
     changes: { correction: "Learned from measured trips" },
     note: (unit: string, loss: string) => `In ${unit}, taken from the battery. Another ${loss} heats it.`,
-    learnedOwn: "The correction is what the measured trips of this car add to the physics.",
-    learnedOf: (car: string) => `The correction is what measured trips of a ${car} add to the physics.`,
+    learnedOwn:
+      "The correction is what the measured trips of this car add to the physics, besides heating and cooling.",
+    learnedOf: (car: string) =>
+      `The correction is what measured trips of a ${car} add to the physics, besides heating and cooling.`,
   },
   arrival: {
     dots: (dots: number) => `Each dot is one of ${dots} equally likely outcomes.`,
