@@ -15,7 +15,6 @@ from tripwatt.forecasting.measured import (
     SpanReadings,
     _from_power,
     along_the_plan,
-    checked_samples,
     columns_measured,
     measured_energy,
     read_measured,
@@ -327,11 +326,11 @@ class TestPlansClock:
         log = driven(np.arange(3.0), np.full(3, 5.0))
         assert along_the_plan(log, SimpleNamespace(link_m=None)) is log
 
-    def test_checked(self) -> None:
+    def test_samples_without_a_speed_are_on_schedule(self) -> None:
         log = driven(np.arange(3.0), np.full(3, 5.0))
-        assert checked_samples(log, self.even)["time_s"].tolist() == [0.0, 0.5, 1.0]
+        assert along_the_plan(log, self.even)["time_s"].tolist() == [0.0, 0.5, 1.0]
         blind = {name: values for name, values in log.items() if name != "speed_m_s"}
-        assert checked_samples(blind, self.even) is blind, "it is where it was planned to be"
+        assert along_the_plan(blind, self.even) is blind, "it is where it was planned to be"
 
 
 def departed(log: pd.DataFrame, plan: Plan):

@@ -28,7 +28,7 @@ from tripwatt.forecasting.measured import (
     ChargeReading,
     Columns,
     Measured,
-    checked_samples,
+    along_the_plan,
     columns_measured,
     read_measured,
     since_departure,
@@ -520,7 +520,6 @@ class Forecast:
             self.uncertainty.scores,
         )
 
-    @one_blas_thread
     def update(self, observed: pd.DataFrame) -> Forecast:
         """Forecast again from what was measured so far. O(samples + segments).
 
@@ -552,7 +551,6 @@ class Forecast:
         """
         return updated(self, since_departure(columns_measured(observed), self.plan))
 
-    @one_blas_thread
     def update_since_departure(self, observed: pd.DataFrame) -> Forecast:
         """Forecast again from what was measured so far, timed from the departure. O(samples + segments).
 
@@ -746,10 +744,11 @@ def _display_offset(forecast: Forecast, first: ChargeReading | None, energy_wh: 
     return float(offset) if abs(offset) <= MAX_OFFSET * scale.managed_sd else None
 
 
+@one_blas_thread
 def updated(forecast: Forecast, observed: Columns) -> Forecast:
     """Update a forecast with samples timed from the departure: see `Forecast.update_since_departure`."""
     drive, uncertainty = forecast.drive, forecast.uncertainty
-    samples = checked_samples(observed, forecast.plan)
+    samples = along_the_plan(observed, forecast.plan)
     raise_faults(implausible_faults(observed, drive))
     measured, readings = read_measured(samples, drive, uncertainty.process, forecast.charge)
     anchor, flags = measured.anchor, [flag for flag in forecast.flags if flag.code != "charge_contradicted"]
@@ -770,11 +769,11 @@ def with_empty_flag(forecast: Forecast) -> Forecast:
     """Return the forecast with the flag `battery_empty` if the trip is expected to take more than the battery holds."""
     gone = {"battery_empty"} | ({"soc_assumed"} if forecast.measured.anchor is not None else set())
     flags = tuple(flag for flag in forecast.flags if flag.code not in gone)
-    missing = forecast.along.missing_at(forecast.along.expected_soc)
-    if missing > 0.0:
-        return replace(forecast, flags=(*flags, Flag("battery_empty", "battery", missing, "wh")))
     # the same object if nothing changes: its cached properties are kept
-    return forecast if len(flags) == len(forecast.flags) else replace(forecast, flags=flags)
+    forecast = forecast if len(flags) == len(forecast.flags) else replace(forecast, flags=flags)
+    missing = forecast.along.missing_at(forecast.along.expected_soc)
+    empty = Flag("battery_empty", "battery", missing, "wh")
+    return replace(forecast, flags=(*flags, empty)) if missing > 0.0 else forecast
 
 
 def _shared(forecast: Forecast) -> Shared:

@@ -162,26 +162,16 @@ def columns_measured(observed: pd.DataFrame) -> Columns:
     Raises
     ------
     InvalidInput
-        If `observed` is not a DataFrame, lacks a column or rows, or has values that are not numeric.
+        If `observed` is not a DataFrame, lacks a column or rows, or has values that are not numeric. Lists every value out of range.
     """
     if not isinstance(observed, pd.DataFrame):
         fix = "for example pandas.DataFrame({'time_s': [0.0, 60.0], 'soc': [0.8, 0.79]})"
         raise InvalidInput.of("unknown type", WHERE, type(observed).__name__, "a DataFrame", fix)
     raise_faults(structure_faults(observed, WHERE, required=("time_s",)))
     known = [name for name in observed.columns if name in (*COLUMNS, "observed_energy_wh")]
-    return dict(zip(known, observed[known].to_numpy(dtype=np.float64).T, strict=True))
-
-
-def checked_samples(columns: Columns, plan: Plan) -> Columns:
-    """Check samples timed from the departure, and map them to the clock of the plan.
-
-    Raises
-    ------
-    InvalidInput
-        Lists every fault of the samples.
-    """
+    columns = dict(zip(known, observed[known].to_numpy(dtype=np.float64).T, strict=True))
     raise_faults(value_faults(columns, WHERE))
-    return along_the_plan(columns, plan) if "speed_m_s" in columns else columns
+    return columns
 
 
 def read_measured(
@@ -331,28 +321,33 @@ def _require_sign(observed: Columns, plan: Plan) -> None:
     """Raise InvalidInput if the battery would charge while the car accelerates."""
     if not {"voltage_v", "current_a"} <= observed.keys():
         return
-    time = observed["time_s"]
     if "speed_m_s" not in observed and plan.link_m is not None:
         return  # the car's speed is unknown
-    planned = np.interp(time, plan.array("time_s"), plan.array("speed_m_s"))
-    speed = observed.get("speed_m_s", planned)
-    slope = apparent_mass(time, speed, observed["voltage_v"] * observed["current_a"])
+    speed, power_w = speeds(observed, plan), observed["voltage_v"] * observed["current_a"]
+    slope = apparent_mass(observed["time_s"], speed, power_w)
     if slope is not None and slope[1] < WRONG_SIGN:
         got = "the battery would charge while the car accelerates"
         allowed, fix = "positive when the battery discharges", "reverse the sign of current_a"
         raise InvalidInput.of("current has the wrong sign", f"{WHERE}, current_a", got, allowed, fix)
 
 
+def speeds(samples: Columns, plan: Plan) -> FloatArray:
+    """Speed at each of the samples, timed from the departure [m/s]: as measured, else as planned."""
+    planned = plan.array("time_s"), plan.array("speed_m_s")
+    return samples["speed_m_s"] if "speed_m_s" in samples else np.interp(samples["time_s"], *planned)
+
+
 def along_the_plan(samples: Columns, plan: Plan) -> Columns:
     """Map samples to the clock of the plan: the time at which the plan is where the car was. O(samples).
 
     A car that is late on a planned route has more of the route to go than its time suggests. While the car stands longer
-    than planned, its energy counts and the plan's clock stands still. A driven trace is returned unchanged.
+    than planned, its energy counts and the plan's clock stands still. Samples of a driven trace, and those without a speed, are
+    returned unchanged.
 
     Parameters
     ----------
     samples : mapping of str to ndarray
-        Sound samples with times since departure and the car's speed.
+        Sound samples with times since departure.
     plan : Plan
 
     Returns
@@ -361,7 +356,7 @@ def along_the_plan(samples: Columns, plan: Plan) -> Columns:
         `time_s` by the plan's clock, `driven_s` by the car's own clock, and the measured ones among `observed_energy_wh`, `soc`,
         `displayed_soc` and the powers of climate control.
     """
-    if plan.link_m is None:
+    if plan.link_m is None or "speed_m_s" not in samples:
         return samples
     at = plan.array("time_s") - plan.array("time_s")[0]
     planned_m = distance_driven(at, plan.array("speed_m_s"))
@@ -389,14 +384,10 @@ def along_the_plan(samples: Columns, plan: Plan) -> Columns:
     within = np.arange(len(first)) - np.repeat(np.cumsum(parts) - parts, parts)
     place = np.append(first + within / parts[first], len(parts))
     order = np.arange(len(kept))
-    columns = {"time_s": np.interp(place, order, clock[kept]), DRIVEN_S: np.interp(place, order, time[kept])}
-    if energy is not None:
-        columns["observed_energy_wh"] = np.interp(place, order, energy[kept])
-    columns |= {name: np.interp(place, order, values[kept]) for name, values in powers.items()}
-    is_sample = place == np.floor(place)
-    for name, values in states.items():
-        columns[name] = np.where(is_sample, values[kept][place.astype(np.int64)], np.nan)
-    return columns
+    means = {"time_s": clock, DRIVEN_S: time, "observed_energy_wh": energy, **powers}
+    columns = {name: np.interp(place, order, v[kept]) for name, v in means.items() if v is not None}
+    row = place.astype(np.int64)
+    return columns | {name: np.where(place == row, v[kept][row], np.nan) for name, v in states.items()}
 
 
 def measured_energy(samples: Columns) -> FloatArray | None:

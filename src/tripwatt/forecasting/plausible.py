@@ -11,7 +11,7 @@ import numpy as np
 from tripwatt.arrays import FloatArray, distance_driven, running_sum
 from tripwatt.errors import Fault, or_none
 from tripwatt.forecasting.expected import MIN_RESISTANCE, ExpectedTrip
-from tripwatt.forecasting.measured import MAX_STRETCH, WHERE, ChargeReading, Columns, measured_energy
+from tripwatt.forecasting.measured import MAX_STRETCH, WHERE, ChargeReading, Columns, measured_energy, speeds
 from tripwatt.physics.batch import trip_totals
 from tripwatt.physics.battery import internal_resistance, largest_power, open_circuit_voltage
 from tripwatt.trips import Trip
@@ -178,10 +178,7 @@ def _motion_faults(samples: Columns, cumulative: FloatArray, drive: ExpectedTrip
     known = np.flatnonzero(np.isfinite(cumulative))
     if len(known) < 2:
         return
-    time = samples["time_s"]
-    plan_s = drive.plan.array("time_s") - drive.plan.array("time_s")[0]
-    planned = np.interp(time, plan_s, drive.plan.array("speed_m_s"))
-    speed = samples.get("speed_m_s", planned)
+    time, speed = samples["time_s"], speeds(samples, drive.plan)
     # before a late first sample the road is assumed to be driven as planned
     start_m = float(np.interp(time[0], drive.edges_s, drive.distance_m))
     driven = start_m + distance_driven(time, speed)

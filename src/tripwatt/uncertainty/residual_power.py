@@ -11,7 +11,7 @@ with one row per reading.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -361,6 +361,7 @@ class PowerSum:
 
     parts: tuple[ResidualPower, ...]
     mean_w: FloatArray
+    _known_wh: dict[bytes, FloatArray] = field(default_factory=dict, init=False)
 
     @property
     def covariance_w2(self) -> FloatArray:
@@ -368,8 +369,11 @@ class PowerSum:
         return np.asarray(np.sum([part.covariance_w2 for part in self.parts], axis=0))
 
     def sd_wh(self, hours: FloatArray) -> FloatArray:
-        """See `ResidualPower.sd_wh`; the variances of the parts add up."""
-        return np.asarray(np.linalg.norm([part.sd_wh(hours) for part in self.parts], axis=0))
+        """See `ResidualPower.sd_wh`; the variances of the parts add up. Computed once for the same hours."""
+        key = hours.tobytes()
+        if key not in self._known_wh:
+            self._known_wh[key] = np.linalg.norm([part.sd_wh(hours) for part in self.parts], axis=0)
+        return self._known_wh[key]
 
 
 ResidualPower = PowerPrior | MeasuredPower | AveragedPower | PowerSum

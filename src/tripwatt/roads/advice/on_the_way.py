@@ -73,7 +73,7 @@ class Message:
         return {name: getattr(self, name) for name in Message.__slots__}
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Progress:
     """Displayed state of charge along the road, as forecast at departure and as forecast now.
 
@@ -117,10 +117,10 @@ class Progress:
         Progress
             `POINTS` distances.
         """
-        planned, along = departure.along.columns(), now.along.columns()
-        at_m = np.linspace(0.0, along["distance_m"][-1], POINTS)
-        curves = [planned["displayed_soc"], *(along[f"displayed_soc{end}"] for end in ("", "_low", "_high"))]
-        return cls(at_m.tolist(), *(np.interp(at_m, along["distance_m"], curve).tolist() for curve in curves))
+        distance_m, (low, expected, high) = now.along.distance_m, now.along.soc_band
+        at_m = np.linspace(0.0, distance_m[-1], POINTS)
+        curves = np.clip([departure.along.expected_soc, expected, low, high], 0.0, 1.0)
+        return cls(at_m.tolist(), *(np.interp(at_m, distance_m, curve).tolist() for curve in curves))
 
 
 class Companion:

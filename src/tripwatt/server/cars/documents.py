@@ -6,7 +6,6 @@ The docstrings of the fields are their descriptions in the OpenAPI document.
 from __future__ import annotations
 
 import math
-from dataclasses import asdict
 from typing import Annotated, Any, Final, Literal, NotRequired, cast
 
 from pydantic import Field
@@ -157,7 +156,7 @@ def live_forecast(forecast: Forecast, departing: Forecast, reserve: float) -> Li
         "measured_until_s": forecast.measured_until_s,
         "duration_s": forecast.plan.duration_s,
         "distance_m": float(forecast.drive.distance_m[-1]),
-        "course": asdict(Progress.of(departing, forecast)),
+        "course": vars(Progress.of(departing, forecast)),
         "flags": [flag_to_dict(flag) for flag in forecast.flags],
     }
     values = [value for value in document.values() if isinstance(value, float)]
