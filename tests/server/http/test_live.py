@@ -31,6 +31,7 @@ from tripwatt.forecasting import Forecast, ForecastModel
 from tripwatt.forecasting.leaving import soc_needed
 from tripwatt.roads.advice.preheating import CHARGER, PLUG_W, preheating
 from tripwatt.routes import links_of_trip
+from tripwatt.server.cars import car as car_module
 from tripwatt.server.cars.car import Car
 from tripwatt.server.cars.car_file import Database
 from tripwatt.server.cars.folder import create_car, issue_token, setting_of
@@ -253,9 +254,9 @@ def own_wh_per_display() -> float:
 def made(monkeypatch: pytest.MonkeyPatch) -> list[str]:
     """Forecasts of cars as they are made: at their departure, and updates."""
     found: list[str] = []
-    forecast, update = ForecastModel.forecast, Forecast.update
+    forecast, update = ForecastModel.forecast, car_module.updated
     monkeypatch.setattr(ForecastModel, "forecast", lambda *a: (found.append("forecast"), forecast(*a))[1])
-    monkeypatch.setattr(Forecast, "update", lambda *a: (found.append("update"), update(*a))[1])
+    monkeypatch.setattr(car_module, "updated", lambda *a: (found.append("update"), update(*a))[1])
     return found
 
 

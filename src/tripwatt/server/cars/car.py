@@ -18,11 +18,13 @@ import numpy as np
 
 from tripwatt.errors import Fault, InvalidInput, damage, raise_faults, system_errors
 from tripwatt.forecasting import Forecast, ForecastModel
-from tripwatt.forecasting.measured import last_reading
+from tripwatt.forecasting.forecast import updated
+from tripwatt.forecasting.measured import last_reading, since_departure
 from tripwatt.forecasting.plausible import contradicts_energy
 from tripwatt.forecasting.storage import vehicle_of_values
 from tripwatt.modelfile import FORMAT_VERSION, METADATA
 from tripwatt.physics.battery import usable_energy_wh
+from tripwatt.roads.advice import Companion
 from tripwatt.server.cars.car_file import ALLOWED, FORGET, MadeForecast, row_of_log
 from tripwatt.server.cars.diary import Diary
 from tripwatt.server.cars.documents import HIGH, LOW, LiveForecastDocument, LiveResponse, live_forecast
@@ -62,6 +64,8 @@ class Car(LiveCar):
         Called with a sentence when a forecast cannot be kept.
     updated : Forecast or None
         Forecast of the latest `document`; None if `at_departure` returned None.
+    companion : Companion or None
+        Follows the trip of the latest forecast at departure; None before the first.
 
     Raises
     ------
@@ -98,6 +102,7 @@ class Car(LiveCar):
         self._forecast: LiveForecastDocument | None = None
         self._faults: list[dict[str, str]] = []
         self.updated: Forecast | None = None
+        self.companion: Companion | None = None
 
     @classmethod
     def follow(
@@ -377,6 +382,7 @@ class Car(LiveCar):
         if self._at_departure is None or self._at_departure[0] != (plan, model, departure):
             forecast = model.forecast(replace(plan.road, departure=departure))
             self._at_departure = (plan, model, departure), forecast
+            self.companion = Companion(forecast, self.reserve_asked)
         return self._at_departure[1]
 
     def update(self, forecast: Forecast) -> Forecast:
@@ -397,8 +403,8 @@ class Car(LiveCar):
         InvalidInput
             As in `Forecast.update`: when the samples do not fit this trip.
         """
-        observed = self.observed(forecast.plan.start_s)
-        return forecast if len(observed) < 2 else forecast.update(observed)
+        plan, measured = forecast.plan, self.measured(forecast.plan.start_s)
+        return updated(forecast, since_departure(measured, plan)) if len(measured["time_s"]) > 1 else forecast
 
     def shown_soc(self) -> float | None:
         """Return the displayed state of charge from the latest message that has a charge.
@@ -438,7 +444,7 @@ class Car(LiveCar):
 
     def _charge_contradicted(self) -> bool:
         """Return whether the energy that was measured on the trip contradicts its charge, as in `contradicts_energy`. O(samples of the trip)."""
-        samples = {str(name): values.to_numpy() for name, values in self.observed().items()}
+        samples = self.measured()
         reading, usable_wh = last_reading(samples, samples["time_s"]), usable_energy_wh(self.vehicle.battery)
         return contradicts_energy(reading, samples, usable_wh)
 

@@ -25,7 +25,7 @@ from tripwatt.server.cars.plan import LONGER, LivePlan, usual_departure
 from tripwatt.server.cars.recording import Recorder
 from tripwatt.server.cars.sender import Arrival, steady_clock
 from tripwatt.server.cars.telemetry import Sample
-from tripwatt.trips import Context, Departure, Log, Plan, TripSet
+from tripwatt.trips import Context, Departure, Log, Plan, TripSet, table_of
 from tripwatt.units import SECONDS_PER_DAY
 
 FAR_S: Final = 366.0 * SECONDS_PER_DAY
@@ -236,7 +236,7 @@ class LiveCar(Recorder):
 
     def _store_trip(self, db: Database, trip: LiveTrip) -> bool:
         """Write an ended trip as a log and return True; if it is too short, delete its forecasts and return False."""
-        table = trip.table(until_s=trip.moved_s)
+        table = table_of(trip.columns(until_s=trip.moved_s))
         started = dt.datetime.fromtimestamp(int(trip.start_s), dt.UTC)
         context = Context(started_at=started.astimezone().replace(tzinfo=None))
         log = None

@@ -5,17 +5,17 @@ from __future__ import annotations
 import bisect
 import itertools
 import math
+from array import array
 from collections import deque
 from collections.abc import Iterable, Sequence
-from operator import attrgetter
 from typing import Final
 
 import numpy as np
-import pandas as pd
 
 from tripwatt.arrays import hold_last
-from tripwatt.server.cars.telemetry import Sample, shifted
-from tripwatt.trips import MAX_DURATION_S, table_of
+from tripwatt.forecasting.measured import Columns
+from tripwatt.server.cars.telemetry import FIRST_TIME_S, LAST_TIME_S, Sample, shifted
+from tripwatt.trips import MAX_DURATION_S
 
 MOVING_M_S: Final = 1.0
 """Speed from which a car drives [m/s]; satellite positioning shows a parked car at up to about half of this speed."""
@@ -48,8 +48,6 @@ GAP_STEPS: Final = 1.5
 _MAX_BEFORE: Final = 2000
 """Most samples of a standing car that are kept: 10 Hz for `BEFORE_S`."""
 
-_time = attrgetter("time_s")
-
 
 class LiveTrip:
     """The samples of one trip so far, in the order of their times.
@@ -76,7 +74,7 @@ class LiveTrip:
     >>> trip.append(Sample(1.7e9 + 1.0, {"speed_m_s": 12.0}))
     >>> trip.distance_m
     11.0
-    >>> trip.table()["speed_m_s"].tolist()
+    >>> trip.columns()["speed_m_s"].tolist()
     [10.0, 12.0]
     >>> trip.append(Sample(1.7e9 + 4.0, {"speed_m_s": 12.0}))
     >>> trip.insert(Sample(1.7e9 + 2.0, {"speed_m_s": 12.0})), trip.has(Sample(1.7e9 + 2.0, {"speed_m_s": 12.0}))
@@ -93,12 +91,12 @@ class LiveTrip:
         self.distance_m = 0.0
         self._speed_m_s = 0.0
         self._min_step_s = 0.0
-        self._samples: list[Sample] = []
+        self._columns = {"time_s": array("d"), "speed_m_s": array("d")}
         for sample in samples:
             self.append(sample)
 
     def __len__(self) -> int:
-        return len(self._samples)
+        return len(self._columns["time_s"])
 
     def append(self, sample: Sample) -> None:
         """Add the next sample. O(1) amortised.
@@ -117,11 +115,11 @@ class LiveTrip:
                 self.moved_s, self.stood_s = sample.time_s, math.inf
             else:
                 self.stood_s = min(self.stood_s, max(self.moved_s, sample.time_s - HOLD_S))
-        if not len(self) or sample.time_s - self._samples[-1].time_s >= self._min_step_s:
+        if not len(self) or sample.time_s - self._columns["time_s"][-1] >= self._min_step_s:
             if len(self) >= MAX_SAMPLES:
-                self._min_step_s = 2.0 * (self._samples[-1].time_s - self._samples[0].time_s) / len(self)
-                del self._samples[1::2]
-            self._samples.append(sample)
+                self._min_step_s = 2.0 * float(np.ptp(self._columns["time_s"])) / len(self)
+                self._columns = {name: values[::2] for name, values in self._columns.items()}
+            _insert(self._columns, len(self), [sample])
         self.last_s = sample.time_s
 
     def has(self, sample: Sample) -> bool:
@@ -137,9 +135,9 @@ class LiveTrip:
         bool
             False also if the trip has a sample of this time with other values.
         """
-        index = bisect.bisect_left(self._samples, sample.time_s, key=_time)
-        stored = self._samples[index : index + 1]
-        return any(s.time_s == sample.time_s and sample.values.items() <= s.values.items() for s in stored)
+        index = bisect.bisect_left(self._columns["time_s"], sample.time_s)
+        given = {"time_s": sample.time_s, **sample.values}.items()
+        return all(value in self._columns.get(name, ())[index : index + 1] for name, value in given)
 
     def insert(self, sample: Sample) -> bool:
         """Insert a late sample if the trip has a gap at its time. O(samples).
@@ -154,12 +152,12 @@ class LiveTrip:
         bool
             Whether the sample was inserted.
         """
-        steps = np.diff([stored.time_s for stored in self._samples])
-        index = bisect.bisect_left(self._samples, sample.time_s, key=_time)
+        steps = np.diff(self._columns["time_s"])
+        index = bisect.bisect_left(self._columns["time_s"], sample.time_s)
         if not 0 < index < len(self) < MAX_SAMPLES or steps[index - 1] < GAP_STEPS * np.median(steps):
             return False
         before_m = self._driven_m()
-        self._samples.insert(index, sample)
+        _insert(self._columns, index, [sample])
         self.distance_m += self._driven_m() - before_m
         if sample.values.get("speed_m_s", 0.0) >= MOVING_M_S and sample.time_s > self.moved_s:
             self.moved_s, self.stood_s = sample.time_s, max(sample.time_s, self.stood_s)
@@ -167,8 +165,8 @@ class LiveTrip:
 
     def _driven_m(self) -> float:
         """Return the distance by the speeds of the stored samples [m]."""
-        rows = [(s.time_s, s.values["speed_m_s"]) for s in self._samples if "speed_m_s" in s.values]
-        time, speed = np.array(rows).T
+        known = np.isfinite(self._columns["speed_m_s"])
+        time, speed = (np.array(self._columns[name])[known] for name in ("time_s", "speed_m_s"))
         return float(0.5 * (speed[1:] + speed[:-1]) @ np.minimum(np.diff(time), HOLD_S))
 
     def shift_times(self, by_s: float) -> None:
@@ -179,19 +177,15 @@ class LiveTrip:
         by_s : float
             Time to add to all times [s].
         """
-        self._samples = [shifted(sample, by_s) for sample in self._samples]
+        time = np.array(self._columns["time_s"]) + by_s
+        self._columns["time_s"] = array("d", np.clip(time, FIRST_TIME_S, LAST_TIME_S))
         for name in ("start_s", "moved_s", "last_s", "stood_s"):
             setattr(self, name, getattr(self, name) + by_s)
 
-    def table(
-        self,
-        more: Iterable[Sample] = (),
-        *,
-        since_s: float | None = None,
-        until_s: float = math.inf,
-        start_s: float = 0.0,
-    ) -> pd.DataFrame:
-        """Tabulate the samples with canonical columns, timed from a departure. O(samples).
+    def columns(
+        self, more: Iterable[Sample] = (), *, since_s: float | None = None, until_s: float = math.inf
+    ) -> Columns:
+        """Return the samples by canonical column, timed from a departure. O(samples).
 
         A missing speed is filled with the last one for up to `HOLD_S`. A sample that still has no speed is left out.
 
@@ -200,25 +194,31 @@ class LiveTrip:
         more : iterable of Sample
             Samples after those of the trip; they are used up to the first one of a charging car.
         since_s, until_s : float, optional
-            First and last time of the table [s since 1970]. The first is the departure, by default the start of the trip.
+            First and last time that are returned [s since 1970]. The first is the departure, by default the start of the trip.
             Other samples are left out.
-        start_s : float
-            Time of the departure in the table [s].
 
         Returns
         -------
-        DataFrame
-            One row per sample.
+        mapping of str to ndarray, shape (samples,)
+            Name of a column -> its values; a missing value is NaN.
         """
         since_s = self.start_s if since_s is None else since_s
-        samples = [*self._samples, *itertools.takewhile(lambda sample: not sample.charging, more)]
-        time = np.array([sample.time_s for sample in samples])
-        names = dict.fromkeys(["speed_m_s", *(name for sample in samples for name in sample.values)])
-        columns = {n: np.array([sample.values.get(n, math.nan) for sample in samples]) for n in names}
-        columns["speed_m_s"] = hold_last(time, columns["speed_m_s"], HOLD_S)
-        is_used = np.isfinite(columns["speed_m_s"]) & (time >= since_s) & (time <= until_s)
-        used = {name: values[is_used] for name, values in columns.items()}
-        return table_of({"time_s": time[is_used] - (since_s - start_s), **used})
+        stored = {name: values[:] for name, values in self._columns.items()}
+        _insert(stored, len(self), itertools.takewhile(lambda sample: not sample.charging, more))
+        time, speed, *others = map(np.array, stored.values())
+        speed = hold_last(time, speed, HOLD_S)
+        is_used = np.isfinite(speed) & (time >= since_s) & (time <= until_s)
+        columns = (values[is_used] for values in (time - since_s, speed, *others))
+        return dict(zip(stored, columns, strict=True))
+
+
+def _insert(columns: dict[str, array[float]], index: int, samples: Iterable[Sample]) -> None:
+    """Insert samples before that of an index; a missing value is NaN."""
+    rows, missing = [{"time_s": s.time_s, **s.values} for s in samples], array("d", [math.nan])
+    missing *= len(columns["time_s"])
+    columns |= {name: missing[:] for row in rows for name in row if name not in columns}
+    for name, values in columns.items():
+        values[index:index] = array("d", [row.get(name, math.nan) for row in rows])
 
 
 class TripFinder:

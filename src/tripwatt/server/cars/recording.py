@@ -8,10 +8,11 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
+import numpy as np
 import pandas as pd
 
 from tripwatt.errors import Fault
-from tripwatt.forecasting.measured import measured_energy
+from tripwatt.forecasting.measured import Columns, measured_energy
 from tripwatt.server.cars.documents import LiveMessages
 from tripwatt.server.cars.live_trip import SILENCE_S, LiveTrip, TripFinder
 from tripwatt.server.cars.plan import LivePlan
@@ -19,7 +20,7 @@ from tripwatt.server.cars.sender import Arrival, OrderedSamples, Place, Sender
 from tripwatt.server.cars.telemetry import CHARGES, Sample
 from tripwatt.trips import Context, Departure
 from tripwatt.trips.departure import FIRST_S
-from tripwatt.trips.samples import Sampled
+from tripwatt.trips.samples import Sampled, table_of
 
 Charge = tuple[float, str, float]
 """Time [s since 1970], field of a departure (`soc` or `bms_soc`), and state of charge."""
@@ -158,22 +159,27 @@ class Recorder:
             "air": self._air,
         }
 
-    def observed(self, start_s: float = 0.0) -> pd.DataFrame:
-        """Tabulate what the car measured on its trip so far, including samples that wait for late ones. O(samples of the trip).
+    def measured(self, start_s: float = 0.0) -> Columns:
+        """Return what the car measured on its trip so far, including samples that wait for late ones. O(samples of the trip).
 
         Parameters
         ----------
         start_s : float
-            Time of the departure in the table [s].
+            Time of the departure in the result [s].
 
         Returns
         -------
-        DataFrame
-            Canonical columns; no rows if the car is on no trip.
+        mapping of str to ndarray, shape (samples,)
+            Canonical columns; no samples if the car is on no trip.
         """
         if self.trip is None:
-            return pd.DataFrame({"time_s": [], "speed_m_s": []}, dtype="float64")
-        return self.trip.table(self._ordered.waiting, since_s=self._since_s(self.trip), start_s=start_s)
+            return {"time_s": np.empty(0), "speed_m_s": np.empty(0)}
+        columns = self.trip.columns(self._ordered.waiting, since_s=self._since_s(self.trip))
+        return {**columns, "time_s": columns["time_s"] + start_s}
+
+    def observed(self, start_s: float = 0.0) -> pd.DataFrame:
+        """Tabulate what `measured` returns, one row per sample."""
+        return table_of(self.measured(start_s))
 
     def _since_s(self, trip: LiveTrip) -> float:
         """Return the departure of a trip [s since 1970]: that of its plan, else its start."""
@@ -234,17 +240,16 @@ class Recorder:
 
     def _about(self, trip: LiveTrip) -> dict[str, Any]:
         """Return the `LiveTripDocument` of a trip."""
-        columns = {f"{name}": values.to_numpy() for name, values in trip.table().items()}
-        latest = self.observed()
+        latest = self.measured()
         power_w = latest["voltage_v"] * latest["current_a"] if "current_a" in latest else None
-        found = {"energy_wh": measured_energy(columns), "power_w": power_w}
-        known = {name: pd.Series(values, dtype="float64").dropna() for name, values in found.items()}
+        found = {"energy_wh": measured_energy(trip.columns()), "power_w": power_w}
+        known = {n: [] if v is None else v[np.isfinite(v)][-1:].tolist() for n, v in found.items()}
         return {
             "departs_at": dt.datetime.fromtimestamp(trip.start_s, dt.UTC).isoformat(),
             "duration_s": trip.last_s - trip.start_s,
             "distance_m": trip.distance_m,
             "samples": len(trip),
-            **{name: None if values.empty else float(values.iloc[-1]) for name, values in known.items()},
+            **{name: values[-1] if values else None for name, values in known.items()},
         }
 
     def mixed(self, now_s: float) -> list[dict[str, str]]:

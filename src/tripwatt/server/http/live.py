@@ -23,7 +23,6 @@ from starlette.types import Receive, Scope, Send
 
 from tripwatt.errors import Fault, InvalidInput, did_you_mean, or_none
 from tripwatt.forecasting import ForecastModel
-from tripwatt.roads.advice import Companion
 from tripwatt.server.cars.car import Car
 from tripwatt.server.cars.folder import digest_of, setting_of
 from tripwatt.server.cars.following import Follower
@@ -102,7 +101,6 @@ class LiveCars:
         self._loop: asyncio.AbstractEventLoop | None = None
         self._numbers = itertools.count(1)  # of the events
         self._digests: dict[str, bytes] = {}
-        self._companions: dict[str, Companion] = {}
         self._logged_s: dict[str, float] = {}  # when faults of a car were logged
         self._thread = ThreadPoolExecutor(1, "cars")
         folder = settings.cars
@@ -161,7 +159,6 @@ class LiveCars:
     async def drop(self, name: str) -> None:
         """Close a car and stop following it."""
         self._digests.pop(name, None)
-        self._companions.pop(name, None)
         car = self.cars.pop(name, None)
         if car is not None:
             await self.run(car.close)
@@ -317,13 +314,10 @@ class LiveCars:
         return document
 
     def _message(self, car: Car) -> dict[str, Any] | None:
-        """Return the latest advice on the trip of a car; each forecast at departure gets a companion of its own."""
-        departing = car.at_departure()
-        if departing is None or car.trip is None:
+        """Return the latest advice on the trip of a car."""
+        departing, companion = car.at_departure(), car.companion
+        if departing is None or companion is None or car.trip is None:
             return None
-        companion = self._companions.get(car.name)
-        if companion is None or companion.departure is not departing:
-            self._companions[car.name] = companion = Companion(departing, car.reserve_asked)
         observed = car.observed(departing.plan.start_s)
         if len(observed) > 1:
             companion.update(observed, car.updated)
