@@ -22,7 +22,7 @@ def test_the_sum_of_climb_and_error_is_that_of_many_draws():
     grid = np.linspace(0.0, 0.9999, 4000)
     error = np.interp(levels, grid, [scores.factor(p) for p in grid]) * rng.choice([-1.0, 1.0], n) * 150.0
     for p in (0.05, 0.25, 0.5, 0.75, 0.9, 0.975, 0.995):
-        found = float(mixture.quantile(scores, p, np.array([0.0, 150.0]))[-1])
+        found = float(mixture.quantile(scores, np.array([p]), np.array([0.0, 150.0]))[0, -1])
         assert np.mean(climb + error <= found) == pytest.approx(p, abs=0.003)
 
 

@@ -94,9 +94,12 @@ class Along:
         >>> round(float(forecast.along.soc(0.95)[0]), 6)
         0.8
         """
-        probability = require_fraction("probability", probability)
+        return np.asarray(self._socs(require_fraction("probability", probability))[0])
+
+    def _socs(self, *probabilities: float) -> FloatArray:
+        """Charges of `soc`, shape (probabilities, edges)."""
         wh = self.wh_per_display
-        return np.asarray(self.charge - self.excess.quantile(probability, self.charge_sd * wh) / wh)
+        return self.charge - self.excess.quantile(np.array(probabilities), self.charge_sd * wh) / wh
 
     @cached_property
     def expected_soc(self) -> FloatArray:
@@ -106,7 +109,8 @@ class Along:
     @cached_property
     def soc_band(self) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Displayed charge at the low end, the middle and the high end of the 90 % band, each of shape (edges,)."""
-        return self.soc(BAND[0]), self.expected_soc, self.soc(BAND[1])
+        low, high = self._socs(*BAND)
+        return low, self.expected_soc, high
 
     @property
     def empty_at_m(self) -> tuple[float | None, ...]:
@@ -188,7 +192,7 @@ class Along:
         ['time_s', 'distance_m', 'energy_wh']
         """
         low, middle, high = (np.clip(charge, 0.0, 1.0) for charge in self.soc_band)
-        below, above = (self.excess.quantile(1.0 - p, self.energy_sd_wh) for p in BAND)
+        below, above = self.excess.quantile(1.0 - np.array(BAND), self.energy_sd_wh)
         return {
             "time_s": self.time_s,
             "distance_m": self.distance_m,

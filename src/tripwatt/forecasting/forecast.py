@@ -56,6 +56,7 @@ DRIVEN: Final = "the driven speed trace"
 PLANNED: Final = "a planned route"
 FREE_FLOW: Final = "a planned route, free flow"
 NOT_MEASURED: Final = Measured(0.0)
+MEDIAN: Final = np.array([0.5])
 MAX_OFFSET: Final = 5.0
 """Largest difference of the display at departure from the converted charge, in scales of the error of the conversion.
 
@@ -174,7 +175,7 @@ class Forecast:
         sd_wh, unread = self.sds_wh(hours), _unread_hours(self)
         charge_sd_wh = sd_wh if np.array_equal(unread, hours) else self.sds_wh(unread)
         scores, climb = self.uncertainty.scores, self._unknown_climb
-        expected_wh = np.zeros(len(sd_wh)) if climb is None else climb.quantile(scores, 0.5, sd_wh)
+        expected_wh = np.zeros(len(sd_wh)) if climb is None else climb.quantile(scores, MEDIAN, sd_wh)[0]
         energy_wh = self._course_wh + expected_wh
         min_wh = running_sum(measured.energy_wh + drive.min_w * hours)
         if climb is not None:
@@ -236,14 +237,14 @@ class Forecast:
         if self.climbing is None:
             return float(self._course_wh[-1])
         climb = Excess(self.uncertainty.scores, self._unknown_climb, np.zeros(1)).at(-1)
-        return float(self._course_wh[-1] + climb.quantile(0.5, self.sds_wh(self.open_hours)[-1:])[0])
+        return float(self._course_wh[-1] + climb.quantile(MEDIAN, self.sds_wh(self.open_hours)[-1:])[0, 0])
 
     @cached_property
     def _course_wh(self) -> FloatArray:
         """Energy up to the edges of the segments without that of an unknown climb [Wh], shape (edges,)."""
         return running_sum(self.measured.energy_wh + self.power_w * self.open_hours)
 
-    @property
+    @cached_property
     def _unknown_climb(self) -> UnknownClimb | None:
         from_m, drive = self._climbs_from_m, self.climbing
         return drive if drive is None else drive.ahead(from_m) if from_m else drive.whole

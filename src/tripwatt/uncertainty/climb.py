@@ -120,25 +120,25 @@ class UnknownClimb:
     --------
     >>> scores = ConformalScores.from_errors([0.2, 0.5, 1.0, 2.0])
     >>> level = UnknownClimb(np.zeros((1, 2)), np.ones(1))
-    >>> float(level.quantile(scores, 0.9, np.full(2, 100.0))[-1].round(3))
+    >>> float(level.quantile(scores, np.array([0.9]), np.full(2, 100.0))[0, -1].round(3))
     200.0
     >>> two = UnknownClimb(np.array([[0.0, -400.0], [0.0, 400.0]]), np.array([0.5, 0.5]))
-    >>> middle = float(two.quantile(scores, 0.5, np.full(2, 100.0))[-1])
+    >>> middle = float(two.quantile(scores, np.array([0.5]), np.full(2, 100.0))[0, -1])
     >>> abs(middle) < 1e-3, round(float(two.probability_below(scores, np.full(2, 400.0), np.full(2, 100.0))[-1]), 3)
     (True, 0.749)
     """
 
     offsets_wh: FloatArray
     weights: FloatArray
-    _solved: dict[tuple[ConformalScores, float, bytes], FloatArray] = field(default_factory=dict, init=False)
+    _solved: dict[tuple[ConformalScores, bytes, bytes], FloatArray] = field(default_factory=dict, init=False)
 
     @cached_property
     def core_sd_wh(self) -> FloatArray:
         """Half the width of the central 68 % interval of the climb's energy at each place [Wh], shape (places,)."""
         return np.asarray(0.5 * (self._climb_quantiles(0.84) - self._climb_quantiles(0.16)))
 
-    def quantile(self, scores: ConformalScores, p: float, sd_wh: FloatArray) -> FloatArray:
-        """Quantile of the sum of climb and error at each place [Wh], shape (places,). O(scenarios x `PLACES`).
+    def quantile(self, scores: ConformalScores, p: FloatArray, sd_wh: FloatArray) -> FloatArray:
+        """Quantiles of the sum of climb and error at each place [Wh], shape (probabilities, places). O(scenarios x probabilities x `PLACES`).
 
         Solved once for the same arguments: forecasts from several charges ask for the same medians.
 
@@ -146,17 +146,18 @@ class UnknownClimb:
         ----------
         scores : ConformalScores
             Distribution of the standardised error.
-        p : float
-            Probability, above 0 and below 1.
+        p : ndarray, shape (probabilities,)
+            Probabilities, above 0 and below 1.
         sd_wh : ndarray, shape (places,)
             Standard deviation of the error [Wh].
         """
-        key = scores, p, sd_wh.tobytes()
+        key = scores, p.tobytes(), sd_wh.tobytes()
         if key not in self._solved:
             places = np.unique(np.linspace(0, len(sd_wh) - 1, PLACES).round().astype(np.int64))
-            some = UnknownClimb(self.offsets_wh[:, places], self.weights)
-            energy_wh = some.quantiles(scores, np.array([p]), sd_wh[places])
-            self._solved[key] = np.interp(np.arange(len(sd_wh)), places, energy_wh)
+            some = UnknownClimb(np.tile(self.offsets_wh[:, places], len(p)), self.weights)
+            solved_wh = some.quantiles(scores, np.repeat(p, len(places)), np.tile(sd_wh[places], len(p)))
+            rows = solved_wh.reshape(len(p), -1)
+            self._solved[key] = np.array([np.interp(np.arange(len(sd_wh)), places, row) for row in rows])
         return self._solved[key]
 
     def quantiles(self, scores: ConformalScores, p: FloatArray, sd_wh: FloatArray) -> FloatArray:
@@ -228,10 +229,10 @@ class Excess:
     climb: UnknownClimb | None
     expected_wh: FloatArray
 
-    def quantile(self, p: float, sd_wh: FloatArray) -> FloatArray:
-        """Quantile of the excess at each place [Wh], shape (places,)."""
+    def quantile(self, p: FloatArray, sd_wh: FloatArray) -> FloatArray:
+        """Quantiles of the excess at each place [Wh], shape (probabilities, places)."""
         if self.climb is None:
-            return _error_quantiles_wh(self.scores, np.array([p]), sd_wh)
+            return _error_quantiles_wh(self.scores, p[:, None], sd_wh)
         return self.climb.quantile(self.scores, p, sd_wh) - self.expected_wh
 
     def draws(self, normal: FloatArray, sd_wh: FloatArray, scenario: FloatArray) -> FloatArray:
@@ -273,5 +274,5 @@ class Excess:
 
 
 def _error_quantiles_wh(scores: ConformalScores, p: FloatArray, sd_wh: FloatArray) -> FloatArray:
-    """Quantiles of the error alone [Wh]; `p` has shape (places,) or (1,)."""
+    """Quantiles of the error alone [Wh], in the broadcast shape of `p` and `sd_wh`."""
     return np.asarray(np.sign(p - 0.5) * scores.factors(np.abs(2.0 * p - 1.0)) * sd_wh)

@@ -146,7 +146,7 @@ def live_forecast(forecast: Forecast, departing: Forecast, reserve: float) -> Li
     """
     energies_wh, charges = forecast.along.quantiles(QUANTILES)
     document: Any = {
-        "energy_wh": forecast.energy_wh,
+        "energy_wh": float(forecast.along.energy_wh[-1]),
         "quantiles_wh": by_probability(energies_wh, QUANTILES),
         "soc_arrival": forecast.soc_arrival,
         "soc_quantiles": by_probability(charges, QUANTILES),
