@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Final
 
 import numpy as np
@@ -35,10 +36,14 @@ def open_circuit_voltage(soc: PerTrip, battery: Battery) -> FloatArray:
 
 def _between(soc: PerTrip, grid: tuple[float, ...], values: tuple[float, ...]) -> FloatArray:
     """Interpolate a table linearly, shape of `soc`; if `values` has two dimensions, each trip has its own row."""
-    if np.ndim(values) == 1:
-        return np.asarray(np.interp(soc, grid, values))
+    if isinstance(values, tuple):
+        return np.asarray(np.interp(soc, _points(grid), _points(values)))
     rows = np.broadcast_to(soc, (len(values), np.shape(soc)[-1] if np.ndim(soc) else 1))
-    return np.stack([np.interp(row, grid, own) for row, own in zip(rows, values, strict=True)])
+    return np.stack([np.interp(row, _points(grid), own) for row, own in zip(rows, values, strict=True)])
+
+
+_points: Final = lru_cache(1024)(np.array)
+"""Arrays of the tables of cars, which take as long to make as an interpolation."""
 
 
 def usable_energy_wh(battery: Battery) -> float:
@@ -205,9 +210,7 @@ def discharge(
     loss = battery.heat_loss_w_k
     warming = Relaxation(step_s * (np.asarray(loss) / battery.heat_capacity_j_k))
     floor_v = battery.min_cell_voltage_v * battery.cells_in_series
-    if guess is None:
-        guess = first_guess(battery, power_w, step_s, initial_soc, initial_temperature_degc)
-    soc, temperature = guess
+    soc, temperature = guess or first_guess(battery, power_w, step_s, initial_soc, initial_temperature_degc)
     empty = np.minimum(initial_soc, battery.displayed_zero_soc)
     room = np.maximum(battery.displayed_full_soc - initial_soc, 0.0)
     highest_w, cools = power_w.max(axis=-1, keepdims=True), np.all(loss > 0.0)
