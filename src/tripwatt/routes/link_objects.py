@@ -171,11 +171,11 @@ def columns_of_links(links: Sequence[object], where: str = "") -> tuple[dict[str
         wrong.faults.append(Fault("too many links", "links", got, allowed))
     is_mapping = {kind: issubclass(kind, Mapping) for kind in set(map(type, links))}
     no_link = np.array([not is_mapping[type(link)] for link in links])
-    allowed = "an object with length_m and speed_m_s"
-    wrong.add("not a link", no_link, "", lambda k: excerpt(links[k]), allowed)
+    wrong.add("not a link", no_link, "", lambda k: excerpt(links[k]), "an object with length_m and speed_m_s")
     rows: list[Any] = [{} if wrong_kind else link for link, wrong_kind in zip(links, no_link, strict=True)]
     given = set[Any]().union(*rows)
-    _unknown_keys(rows, wrong)
+    if not given <= LINK_COLUMNS.keys():
+        _unknown_keys(rows, wrong)
     columns = {key: np.full(len(rows), np.nan) for key in LINK_KEYS}
     columns |= {
         key: _column_values([row.get(key) for row in rows], key, wrong) for key in LINK_KEYS if key in given
