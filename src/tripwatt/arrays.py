@@ -59,7 +59,7 @@ def distance_driven(time_s: FloatArray, speed_m_s: FloatArray) -> FloatArray:
     >>> distance_driven(np.array([0.0, 2.0, 3.0]), np.array([0.0, 4.0, 4.0])).tolist()
     [0.0, 4.0, 8.0]
     """
-    return running_sum(0.5 * (speed_m_s[1:] + speed_m_s[:-1]) * np.diff(time_s))
+    return running_sum(0.5 * (speed_m_s[1:] + speed_m_s[:-1]) * (time_s[1:] - time_s[:-1]))
 
 
 def eigen(symmetric: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -140,7 +140,7 @@ class CabinRun:
     def means(self, power_w: FloatArray) -> FloatArray:
         """Average a power given in steps of the control over the interval that ends at each sample. O(samples)."""
         cumulative = np.interp(self.time_s, self.edges_s, running_sum(power_w * CONTROL_STEP_S))
-        mean_w = np.diff(cumulative) / np.diff(self.time_s)
+        mean_w = (cumulative[1:] - cumulative[:-1]) / (self.time_s[1:] - self.time_s[:-1])
         return np.maximum(np.concatenate((power_w[:1], mean_w)), 0.0)
 
 

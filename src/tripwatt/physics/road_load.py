@@ -181,7 +181,7 @@ def grade_from_elevation(time_s: FloatArray, speed_m_s: FloatArray, elevation_m:
     np.float64(0.02)
     """
     known = np.isfinite(elevation_m)
-    step = np.diff(time_s) * (0.5 * (speed_m_s[1:] + speed_m_s[:-1]))
+    step = (time_s[1:] - time_s[:-1]) * (0.5 * (speed_m_s[1:] + speed_m_s[:-1]))
     distance = running_sum(step)
     if not known.any() or not distance[-1] > 0.0:
         return np.zeros(len(time_s))

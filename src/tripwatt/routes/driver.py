@@ -224,7 +224,7 @@ def reachable_speed(weighted_m: FloatArray, aimed_m_s: FloatArray, style: Driver
     half_squared = style.half_acceleration_speed_m_s**2
     up, down = style.acceleration_m_s2, style.deceleration_m_s2
     squared = aimed_m_s * aimed_m_s
-    potential_m = (squared * squared / (4.0 * half_squared) + squared / 2.0) / up
+    potential_m = (squared * squared / (4.0 * half_squared) + squared * 0.5) / up
     # `fmin` does not look for missing values and takes two thirds of the time
     forward = np.fmin.accumulate(potential_m - weighted_m) + weighted_m
     # the rationalised root of the quadratic, exact also where v << h

@@ -16,7 +16,7 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from tripwatt.arrays import BoolArray, FloatArray, IntArray, running_sum
+from tripwatt.arrays import BoolArray, FloatArray, IntArray, changes, running_sum
 from tripwatt.errors import Fault, raise_faults
 from tripwatt.routes.driver import (
     DriverStyle,
@@ -254,7 +254,7 @@ class Course:
         self.position = running_sum(np.repeat(length / cells, cells))
         self.position[self.ends] = np.cumsum(length)
         self.cells, self.nodes = cells, cells + (np.arange(n) == 0)
-        self.cell_m, self.node_link = np.diff(self.position), np.repeat(np.arange(n), self.nodes)
+        self.cell_m, self.node_link = changes(self.position)[1:], np.arange(n).repeat(self.nodes)
         self.link = self.node_link[1:]
         self.dip_link = np.repeat(np.arange(n), dips)
         index = np.arange(len(self.dip_link)) - np.repeat(np.cumsum(dips) - dips, dips)
@@ -285,13 +285,13 @@ class Course:
         share = 1.0 - np.where(self.has_dip, hurry, delay)
         effort = np.minimum(self.style.comfort * (1.0 - _FIRMER * hurry), 1.0)
         aim = self.of_neighbours(np.minimum(self.free * share, self.fastest))
-        np.maximum(aim, self.ramp * np.repeat(np.minimum(share, 1.0), self.nodes), out=aim)
+        np.maximum(aim, self.ramp * np.minimum(share, 1.0).repeat(self.nodes), out=aim)
         slow = self.free * (1.0 - np.maximum(delay, 0.0))
         aim[self.dip_node] = np.minimum(aim[self.dip_node], slow[self.dip_link])
         near = np.convolve(new, np.ones(3))[1:-1] > 0.0
-        is_driven, end = np.repeat(near, self.nodes), self.ends[:-1][near[1:] != near[:-1]]
+        is_driven, end = near.repeat(self.nodes), self.ends[:-1][near[1:] != near[:-1]]
         aim[self.stops], aim[end], is_driven[end] = 0.0, before[end], True
-        part, speed = np.flatnonzero(is_driven), before.copy()
+        part, speed = is_driven.nonzero()[0], before.copy()
         link = self.node_link[part]
         start_m = (effort * self.length).cumsum() - effort * self.position[self.ends]
         weighted_m = effort[link] * self.position[part] + start_m[link]
@@ -303,7 +303,7 @@ class Course:
 
     def of_neighbours(self, values: FloatArray) -> FloatArray:
         """The lower of the values of the two cells at each node, given a value of each link."""
-        lowest = np.repeat(values, self.nodes)
+        lowest = values.repeat(self.nodes)
         lowest[self.ends[:-1]] = np.minimum(values[:-1], values[1:])
         return lowest
 

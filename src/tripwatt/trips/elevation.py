@@ -112,9 +112,9 @@ def _jumps(time: FloatArray, way: FloatArray, height: FloatArray) -> tuple[IntAr
 
     Cuts are added as jumps between two samples, where a drift begins or ends.
     """
-    rise = np.diff(height)
+    rise = height[1:] - height[:-1]
     # 0.5: largest drift of a height while the car stands
-    over = np.abs(rise) - STEEPEST_GRADE * np.diff(way) - 0.5 * np.diff(time)
+    over = np.abs(rise) - STEEPEST_GRADE * (way[1:] - way[:-1]) - 0.5 * (time[1:] - time[:-1])
     if np.maximum(over, 0.0).sum() <= HEIGHT_NOISE_M:  # of most roads: too little for one jump
         return np.empty(0, dtype=np.int64), np.empty(0, dtype=np.int64)
     direction = np.where(over > 0.0, np.sign(rise), 0.0)
