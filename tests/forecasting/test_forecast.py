@@ -115,7 +115,7 @@ def test_what_training_never_saw_is_flagged_and_widens(model, trip):
     # far outside the correction is as uncertain as before any trip, and no more
     colder = dataclasses.replace(trip, samples=trip.samples.assign(ambient_temperature_degc=-60.0))
     drive, learner = model.forecast(colder).drive, model.corrector_.model
-    before = learner.prior_factor(learner.features(drive.table.features)[0])
+    before = learner.prior_factor(learner.features(drive.table.features))
     prior = np.linalg.norm(drive.table.hours @ before)
     assert 0.9 * prior < drive.segments.outside_sd_wh <= prior * (1.0 + 1e-9)
 

@@ -60,7 +60,7 @@ def test_its_uncertainty_grows_from_what_was_learned_to_the_prior(name) -> None:
     assert (np.diff(sds) > -1e-9).all()
     far = at(SEEN.high + 8.0 * SEEN.sd)
     model = fitted(name).model
-    prior = np.linalg.norm(far.hours @ model.prior_factor(model.features(far.features)[0]))
+    prior = np.linalg.norm(far.hours @ model.prior_factor(model.features(far.features)))
     assert sds[-1] == pytest.approx(prior, rel=0.01)
     assert sds[-1] > sds[0]
 

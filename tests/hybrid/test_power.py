@@ -65,7 +65,10 @@ class TestCorrectors:
                 self.given = given
 
             def features(self, features):
-                return column, np.array([9.0])
+                return column
+
+            def by_feature(self, of_terms):
+                return np.array([9.0])
 
             def predict(self, features):
                 return np.array([12.0, 20.0])

@@ -59,7 +59,7 @@ def test_doubt_is_smallest_where_the_data_are():
     X, _, y, site = clusters()
     X = X.assign(age=np.where(X["age"] > 6, X["age"] - 6, X["age"]))
     model = AdditiveGP(PARTS, effect_sd=1.0).fit(X, y, site)
-    factor = model.factor(model.features(pd.DataFrame({"dose": [1.0, 50.0], "age": [3.0, 3.0]}))[0])
+    factor = model.factor(model.features(pd.DataFrame({"dose": [1.0, 50.0], "age": [3.0, 3.0]})))
     near, far = (factor**2).sum(axis=1)
     assert far > 10.0 * near
 
@@ -90,7 +90,7 @@ def test_arrays_hold_everything():
     model = AdditiveGP(PARTS, effect_sd=1.0).fit(X, y, site)
     again = AdditiveGP(PARTS, effect_sd=1.0).load_arrays(model.to_arrays())
     np.testing.assert_array_equal(again.predict(X), model.predict(X))
-    np.testing.assert_array_equal(*(one.factor(one.features(X)[0]) for one in (again, model)))
+    np.testing.assert_array_equal(*(one.factor(one.features(X)) for one in (again, model)))
     assert all(a.dtype.kind in "fU" for a in model.to_arrays().values())
 
 
@@ -98,7 +98,7 @@ def test_the_factor_is_a_triangle_and_no_wider_than_the_prior():
     X, _, y, site = clusters()
     model = AdditiveGP(PARTS, effect_sd=1.0).fit(X, y, site)
     assert not np.triu(model.factor_, 1).any()
-    features = model.features(X)[0]
+    features = model.features(X)
     posterior, prior = (
         (factor**2).sum(axis=1) for factor in (model.factor(features), model.prior_factor(features))
     )

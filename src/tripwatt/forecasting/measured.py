@@ -371,8 +371,7 @@ def along_the_plan(samples: Columns, plan: Plan) -> Columns:
         powers = {name: sound[name].to_numpy(dtype=np.float64) for name in powers}
     energy = measured_energy(samples)
     # keep the last sample of each standstill, and the first sample of all, from which energy is counted
-    last = np.append(np.diff(clock) > 0.0, True)
-    kept = np.flatnonzero(last)
+    kept = np.flatnonzero(np.append(np.diff(clock) > 0.0, True))
     if kept[0] != 0:
         clock[kept[0]] += min(1e-3, 0.5 * (clock[kept[1]] - clock[0]) if len(kept) > 1 else 1e-3)
         kept = np.concatenate(([0], kept))

@@ -266,7 +266,8 @@ class GPCorrector(PowerCorrector):
         self.familiarity = Familiarity.from_features(table.features, tuple(smooth) or FADING)
         errors = table.energy_errors
         self.model.fit(table.features, table.residual_w, table.groups, table.hours, errors.own_wh)
-        features, prior = self.model.features(table.features)
+        features = self.model.features(table.features)
+        prior = self.model.by_feature([term.sd**2 for term in self.terms])
         left = table.residual_w - self.model.predict(table.features)
         within = less_trip_mean(np.column_stack([features, left]), table)
         within = within[errors.along[table.groups]]
@@ -290,12 +291,12 @@ class GPCorrector(PowerCorrector):
         edge = self.model.outside_factor(rows, {"time_s": SETTLED_S}, inside=self.familiarity.ranges)
         if (share == 1.0).all():
             return edge
-        lost = self.model.prior_factor(self.model.features(rows)[0])
+        lost = self.model.prior_factor(self.model.features(rows))
         return np.hstack([edge * share, lost * np.sqrt(1.0 - share**2)])
 
     def predict_with_uncertainty(self, table: SegmentTable, hours: FloatArray | None = None) -> Uncertain:
         """Residual power and factor of its covariance, computed from the same features."""
-        features, _ = self.model.features(table.columns)
+        features = self.model.features(table.columns)
         share = self.familiarity.share(table.columns)
         shape = less_trip_mean((features @ self.shape * share)[:, None], table)[:, 0]
         factor = self.model.factor(summed(features, hours, share))

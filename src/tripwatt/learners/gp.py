@@ -139,7 +139,7 @@ class AdditiveGP:
             raise InvalidInput.of("too few groups", "groups", str(len(labels)), "at least 3")
         w = np.ones(len(X)) if weight is None else np.asarray(weight, dtype=np.float64)
         self._learn_columns(X)
-        features = self._features(X)
+        features = self.features(X)
         totals = np.zeros((len(labels), features.shape[1]))
         np.add.at(totals, codes, features * w[:, None])
         target = np.asarray(np.bincount(codes, np.asarray(y, dtype=np.float64) * w), dtype=np.float64)
@@ -153,11 +153,22 @@ class AdditiveGP:
 
     def predict(self, X: Table) -> FloatArray:
         """Mean of the sum of the terms, shape (rows,); the group effect of a new group is 0."""
-        return np.asarray(self._features(X) @ self.weights_)
+        return np.asarray(self.features(X) @ self.weights_)
 
-    def features(self, X: Table) -> tuple[FloatArray, FloatArray]:
-        """Features of the rows, shape (rows, features), and the prior variance of their weights before any data."""
-        return self._features(X), self._by_feature([term.sd**2 for term in self.terms])
+    def features(self, X: Table) -> FloatArray:
+        """Features of the rows, shape (rows, features)."""
+        columns, ends = float_columns(X), np.cumsum(self._sizes())
+        features = np.empty((len(next(iter(columns.values()))), ends[-1]))
+        smooth = dict.fromkeys(c for term in self.terms if term.kind == "smooth" for c in term.columns)
+        # the first value if all are equal, such as a temperature at departure in the rows of a trip
+        held = {n: c[:1] if (c == c[:1]).all() else c for n in smooth for c in [self._held(columns, n)]}
+        for i, (term, end) in enumerate(zip(self.terms, ends, strict=True)):
+            if term.kind == "line":
+                block = self._fill_missing(columns[term.columns[0]], term.columns[0])[:, None]
+            else:
+                block = _squared_exponential(self._standard(held, term), self.points_[i]) @ self.whiteners_[i]
+            features[:, end - block.shape[1] : end] = block
+        return features
 
     def factor(self, features: FloatArray) -> FloatArray:
         """Factor `L`, shape of `features`, of the posterior covariance ``L @ L.T`` of the sum of the terms at the rows, or at a sum of rows."""
@@ -165,7 +176,7 @@ class AdditiveGP:
 
     def prior_factor(self, features: FloatArray) -> FloatArray:
         """Factor `L`, shape (rows, features), of the prior covariance ``L @ L.T`` of the sum of the terms at the rows."""
-        return np.asarray(features * np.sqrt(self._by_feature(self.variances_[: len(self.terms)])))
+        return np.asarray(features * np.sqrt(self.by_feature(self.variances_[: len(self.terms)])))
 
     def outside_factor(
         self,
@@ -260,23 +271,9 @@ class AdditiveGP:
         """Number of features of each term."""
         return [1 if t.kind == "line" else self.whiteners_[i].shape[1] for i, t in enumerate(self.terms)]
 
-    def _by_feature(self, of_terms: npt.ArrayLike) -> FloatArray:
+    def by_feature(self, of_terms: npt.ArrayLike) -> FloatArray:
         """Repeat a value of each term for all features of the term."""
         return np.repeat(np.asarray(of_terms), self._sizes())
-
-    def _features(self, X: Table) -> FloatArray:
-        columns, ends = float_columns(X), np.cumsum(self._sizes())
-        features = np.empty((len(next(iter(columns.values()))), ends[-1]))
-        smooth = dict.fromkeys(c for term in self.terms if term.kind == "smooth" for c in term.columns)
-        # the first value if all are equal, such as a temperature at departure in the rows of a trip
-        held = {n: c[:1] if (c == c[:1]).all() else c for n in smooth for c in [self._held(columns, n)]}
-        for i, (term, end) in enumerate(zip(self.terms, ends, strict=True)):
-            if term.kind == "line":
-                block = self._fill_missing(columns[term.columns[0]], term.columns[0])[:, None]
-            else:
-                block = _squared_exponential(self._standard(held, term), self.points_[i]) @ self.whiteners_[i]
-            features[:, end - block.shape[1] : end] = block
-        return features
 
     def _fit_totals(self, totals: FloatArray, target: FloatArray, effects: FloatArray) -> None:
         """Fit the variances, then the posterior of the features' weights; outlying clusters count less."""
@@ -289,7 +286,7 @@ class AdditiveGP:
             scale = self._latent_scale(kernels, target, effects, scale)
             self.variances_ = self._variances(kernels, target, effects, scale, self.variances_)
         K = self._covariance(kernels, effects, scale)
-        prior = self._by_feature(self.variances_[: len(self.terms)])
+        prior = self.by_feature(self.variances_[: len(self.terms)])
         gain = solve(K, totals * prior).T
         self.weights_ = np.asarray(gain @ target)
         factor = covariance_factor(np.diag(prior) - gain @ (totals * prior))

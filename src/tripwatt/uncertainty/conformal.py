@@ -114,10 +114,12 @@ class ConformalScores:
         >>> ConformalScores.from_errors([1.0, 0.5, 2.0]).factors(np.array([0.0, 0.5, 0.75])).tolist()
         [0.0, 1.0, 2.0]
         """
-        n = len(self.values)
+        n, rank = len(self.values), level * (len(self.values) + 1)
+        within = np.interp(rank, np.arange(n + 1.0), self._from_zero)
+        if (rank <= n).all():
+            return np.asarray(within)
         beyond = self.values[-1] * t4_half_width(np.minimum(level, 1.0 - 1e-9)) / t4_half_width(n / (n + 1))
-        rank = level * (n + 1)
-        return np.where(rank <= n, np.interp(rank, np.arange(n + 1.0), self._from_zero), beyond)
+        return np.where(rank <= n, within, beyond)
 
     def probability(self, standardised: float) -> float:
         """Probability that the error is below `standardised` standard deviations: the inverse of `factor`.
