@@ -290,14 +290,13 @@ class MeasuredPower:
         behind = np.flatnonzero(hours[: last + 1])
         # linear functions of constants and drifts: segments behind, the constants, and the drifts at the last segment
         m, k = len(behind), prior.constant_w.shape[1]
-        local = np.zeros((len(self.X), m + J))
+        local = np.zeros((len(self.X), m + k + J))
         for j, (size_w, _) in enumerate(prior.drifts):
             local[behind * J + j, np.arange(m)] = known[behind] * size_w[behind]
-            local[last * J + j, m + j] = 1.0
-        fixed = np.concatenate([known[behind, None] * prior.constant_w[behind], np.zeros((J, k))])
-        free = fixed - local.T @ self.X
+            local[last * J + j, m + k + j] = 1.0
+        free = np.concatenate([known[behind, None] * prior.constant_w[behind], np.eye(k + J, k)])
+        free -= local.T @ self.X
         inner = local.T @ self.solve(local) + free @ self.constant_covariance @ free.T
-        cross = free @ self.constant_covariance
         variance = np.zeros(len(hours))
         at = hours[behind]
         scaled = inner[:m, :m] * np.outer(at, at)
@@ -308,9 +307,7 @@ class MeasuredPower:
         carried = (_carried(prior.time_s, drift, last) for drift in prior.drifts)
         power_w = np.column_stack([prior.constant_w, *carried])  # by unit constants and unit last drifts
         reach = np.cumsum(np.where(tail, hours, 0.0)[:, None] * power_w, axis=0)
-        state = np.block([[self.constant_covariance, cross[m:].T], [cross[m:], inner[m:, m:]]])
-        with_behind = np.concatenate([at @ cross[:m], at @ inner[:m, m:]])
-        variance += np.einsum("ij,jk,ik->i", reach, state, reach) + 2.0 * reach @ with_behind
+        variance += np.sum(reach @ inner[m:, m:] * reach, axis=1) + 2.0 * reach @ (at @ inner[:m, m:])
         for j, (size_w, fading_s) in enumerate(prior.drifts):
             weight = np.where(tail, hours, 0.0) * size_w
             variance += drift_variance(prior.time_s, weight, fading_s) - reach[:, k + j] ** 2
