@@ -226,6 +226,11 @@ class Forecast:
         variance = now_wh**2 + (self.rest_sd_factor**2 - 1.0) * rest_wh**2
         return self.sd_factor * np.sqrt(np.maximum(variance, 0.0))
 
+    @cached_property
+    def _departing_sd_wh(self) -> float:
+        """The part of `sd_wh` by the residual power before anything was measured [Wh]."""
+        return float(self.uncertainty.process.prior(self.drive.segments).sd_wh(self.drive.table.hours)[-1])
+
     @property
     def arrival(self) -> Arrival:
         """Displayed state of charge at the end of the trip."""
@@ -758,8 +763,8 @@ def updated(forecast: Forecast, observed: Columns) -> Forecast:
         measured = replace(measured, anchor=None)
         flags.append(Flag("charge_contradicted", "displayed_soc", anchor.value if anchor else None, "1"))
     posterior, factor = updated_power(drive, uncertainty, samples, measured, readings)
+    before_wh = forecast._departing_sd_wh
     forecast = replace(forecast, flags=tuple(flags), posterior=posterior, measured=measured)
-    before_wh = uncertainty.process.prior(drive.segments).sd_wh(drive.table.hours)[-1]
     now_wh, rest_wh = (posterior.sd_wh(hours)[-1] for hours in (forecast.open_hours, _unread_hours(forecast)))
     # the trip is never less certain than at departure
     most = float(np.sqrt(1.0 + max(before_wh**2 - now_wh**2, 0.0) / max(rest_wh, 1e-9) ** 2))
