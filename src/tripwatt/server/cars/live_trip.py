@@ -206,17 +206,17 @@ class LiveTrip:
         stored = {name: values[:] for name, values in self._columns.items()}
         _insert(stored, len(self), itertools.takewhile(lambda sample: not sample.charging, more))
         time, speed, *others = map(np.array, stored.values())
-        speed = hold_last(time, speed, HOLD_S)
+        speed = speed if np.isfinite(speed).all() else hold_last(time, speed, HOLD_S)
         is_used = np.isfinite(speed) & (time >= since_s) & (time <= until_s)
-        columns = (values[is_used] for values in (time - since_s, speed, *others))
+        used = slice(None) if is_used.all() else is_used
+        columns = (values[used] for values in (time - since_s, speed, *others))
         return dict(zip(stored, columns, strict=True))
 
 
 def _insert(columns: dict[str, array[float]], index: int, samples: Iterable[Sample]) -> None:
     """Insert samples before that of an index; a missing value is NaN."""
-    rows, missing = [{"time_s": s.time_s, **s.values} for s in samples], array("d", [math.nan])
-    missing *= len(columns["time_s"])
-    columns |= {name: missing[:] for row in rows for name in row if name not in columns}
+    rows, before = [{"time_s": s.time_s, **s.values} for s in samples], len(columns["time_s"])
+    columns |= {name: array("d", [math.nan]) * before for row in rows for name in row if name not in columns}
     for name, values in columns.items():
         values[index:index] = array("d", [row.get(name, math.nan) for row in rows])
 
