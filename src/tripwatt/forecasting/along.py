@@ -17,8 +17,8 @@ from tripwatt.trips.columns import require_fraction
 from tripwatt.uncertainty.climb import Excess
 from tripwatt.units import with_units
 
-BAND: Final = (0.95, 0.05)
-"""Probabilities that the charge exceeds the low end and the high end of the band along the road."""
+BAND: Final = (0.95, 0.5, 0.05)
+"""Probabilities that the charge exceeds the low end, the middle and the high end of the band along the road."""
 F = TypeVar("F", float, FloatArray)
 """A number, or an array of numbers: the result has the shape of the argument."""
 
@@ -101,16 +101,16 @@ class Along:
         wh = self.wh_per_display
         return self.charge - self.excess.quantile(np.array(probabilities), self.charge_sd * wh) / wh
 
-    @cached_property
+    @property
     def expected_soc(self) -> FloatArray:
         """Median of the displayed charge, not limited to 0 to 1, shape (edges,)."""
-        return self.soc(0.5)
+        return self.soc_band[1]
 
     @cached_property
     def soc_band(self) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Displayed charge at the low end, the middle and the high end of the 90 % band, each of shape (edges,)."""
-        low, high = self._socs(*BAND)
-        return low, self.expected_soc, high
+        low, middle, high = self._socs(*BAND)
+        return low, middle, high
 
     @property
     def empty_at_m(self) -> tuple[float | None, ...]:
@@ -192,7 +192,7 @@ class Along:
         ['time_s', 'distance_m', 'energy_wh']
         """
         low, middle, high = (np.clip(charge, 0.0, 1.0) for charge in self.soc_band)
-        below, above = self.excess.quantile(1.0 - np.array(BAND), self.energy_sd_wh)
+        below, above = self.excess.quantile(1.0 - np.array(BAND[::2]), self.energy_sd_wh)
         return {
             "time_s": self.time_s,
             "distance_m": self.distance_m,
