@@ -75,6 +75,7 @@ def test_a_late_sample_has_its_place_in_a_gap() -> None:
     assert [trip.insert(at(t, 10.0, soc=0.5)) for t in (2.5, 3.0, 3.5, -1.0, 14.0, 0.0)] == [
         False, False, True, False, False, False,
     ]  # fmt: skip
+    assert not trip.insert(at(10.0, 10.0, soc=0.5)), "its time is taken, though there is a gap before it"
     assert trip.insert(at(6.0))
     assert trip.distance_m == pytest.approx(whole)
     assert trip.insert(at(5.0, 20.0))

@@ -152,9 +152,10 @@ class LiveTrip:
         bool
             Whether the sample was inserted.
         """
-        steps = np.diff(self._columns["time_s"])
-        index = bisect.bisect_left(self._columns["time_s"], sample.time_s)
-        if not 0 < index < len(self) < MAX_SAMPLES or steps[index - 1] < GAP_STEPS * np.median(steps):
+        time = self._columns["time_s"]
+        steps, index = np.diff(time), bisect.bisect_left(time, sample.time_s)
+        between = 0 < index < len(self) < MAX_SAMPLES and time[index] > sample.time_s
+        if not between or steps[index - 1] < GAP_STEPS * np.median(steps):
             return False
         before_m = self._driven_m()
         _insert(self._columns, index, [sample])
@@ -209,8 +210,7 @@ class LiveTrip:
         speed = speed if np.isfinite(speed).all() else hold_last(time, speed, HOLD_S)
         is_used = np.isfinite(speed) & (time >= since_s) & (time <= until_s)
         used = slice(None) if is_used.all() else is_used
-        columns = (values[used] for values in (time - since_s, speed, *others))
-        return dict(zip(stored, columns, strict=True))
+        return dict(zip(stored, (values[used] for values in (time - since_s, speed, *others)), strict=True))
 
 
 def _insert(columns: dict[str, array[float]], index: int, samples: Iterable[Sample]) -> None:
