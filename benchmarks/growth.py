@@ -7,6 +7,7 @@ allocate. The exponent of a figure is the slope of its logarithm over that of th
 
 from __future__ import annotations
 
+import datetime as dt
 import itertools
 import math
 import shutil
@@ -30,7 +31,7 @@ from benchmarks.measure import seconds
 from tripwatt.physics.batch import trip_totals
 from tripwatt.roads.journey.plans import find_plans
 from tripwatt.study.synthetic import VEHICLE, synthetic_fleet
-from tripwatt.trips import Log, Trip
+from tripwatt.trips import Context, Log, Trip
 from tripwatt.vehicles import load_vehicle
 from tripwatt_gamm import GAMM
 
@@ -89,11 +90,22 @@ def stations(size: int) -> Job:
     return lambda: find_plans(replace(corridor))
 
 
+def later(context: Context, weeks: int) -> Context:
+    """The same departure some weeks later."""
+    began = context.started_at or dt.datetime(2026, 1, 5, 8)
+    return replace(context, started_at=began + dt.timedelta(weeks=weeks))
+
+
 def diary(size: int) -> Job:
     """One more trip of a car whose diary has that many, in a folder that is left to the system."""
-    logs = [log for log in synthetic_fleet(8, seed=1).logs if isinstance(log, Log)]
+    trips = synthetic_fleet(8, seed=1).trips
     car = tw.create_car(Path(tempfile.mkdtemp()) / "car", CAR)
-    names = (replace(log, trip_id=f"{log.trip_id}-{n}") for n in itertools.count() for log in logs)
+    # the same trips on later days
+    names = (
+        Log.from_samples(f"{trip.trip_id}-{n}", trip.samples, later(trip.context, n))
+        for n in itertools.count()
+        for trip in trips
+    )
     car.add([*itertools.islice(names, size)])
     return lambda: car.add([next(names)])
 
@@ -146,27 +158,27 @@ def curves(size: int) -> Job:
 
 OURS: Final = "tripwatt"
 WORKS: Final[Mapping[str, tuple[tuple[int, ...], Mapping[str, Callable[[int], Job]]]]] = {
-    "samples of a simulated drive": (
+    "simulated samples": (
         (2_000, 10_000, 50_000),
         {
             OURS: lambda n: peers.tripwatt_physics(cars_of([driven(n)])),
             "FASTSim 3": lambda n: peers.fastsim3(cars_of([driven(n)])),
-            "RouteE Powertrain": lambda n: peers.routee(cars_of([driven(n)])),
+            "RouteE": lambda n: peers.routee(cars_of([driven(n)])),
         },
     ),
-    "simulated trips of 15 minutes": (
+    "simulated quarter-hours": (
         (5, 20, 80),
         {
             OURS: trips,
             "FASTSim 3": lambda n: peers.fastsim3(several(n)),
-            "RouteE Powertrain": lambda n: peers.routee(several(n)),
+            "RouteE": lambda n: peers.routee(several(n)),
         },
     ),
-    "cars on a trip of 15 minutes": ((10, 100, 1000), {OURS: cars}),
+    "cars on a quarter-hour": ((10, 100, 1000), {OURS: cars}),
     "links of a forecast": ((25, 250, 2500), {OURS: links}),
-    "stations beside a road of 1000 km": ((25, 50, 100), {OURS: stations}),
+    "stations on 1000 km": ((25, 50, 100), {OURS: stations}),
     "trips in the diary when one is added": ((4, 16, 64), {OURS: diary}),
-    "rows of a GAM of two curves": (
+    "rows of a GAM": (
         (5_000, 25_000, 125_000),
         {OURS: curves, "mgcv (bam, discrete)": mgcv, "pyGAM": pygam, "statsmodels": statsmodels},
     ),
@@ -191,13 +203,13 @@ class Growth:
         """As a row of the table."""
         pairs = (self.time_s, self.time_exponent), (self.memory_mb, self.memory_exponent)
         shown = " | ".join(
-            "|" if math.isnan(value) else f"{value:.3g} | {slope:z.2f}" for value, slope in pairs
+            "" if math.isnan(value) else f"{value:.3g} ({slope:z.2f})" for value, slope in pairs
         )
         return f"| {self.what} | {self.who} | {self.largest:,} | {shown} |"
 
 
-HEAD: Final = """| what grows | system | largest | CPU s | exponent | MB | exponent |
-|---|---|---:|---:|---:|---:|---:|"""
+HEAD: Final = """| what grows | system | largest | CPU s (exponent) | MB (exponent) |
+|---|---|---:|---:|---:|"""
 
 
 def measured(job: Job) -> tuple[float, float]:
