@@ -356,9 +356,13 @@ def read_numbers(
         table = _parsed(source, wanted, dtype=np.float64, na_values=NULL_TEXTS, decimal=decimal)
         columns = [table[i].to_numpy() for i in wanted]
         is_small = all(np.nanmax(np.abs(values), initial=0.0) <= LARGEST_NUMBER for values in columns)
-        doubtful = [i for i, values in zip(wanted, columns, strict=True) if may_be_grouped(values)]
-        # 100: number of first rows, of which one mostly shows that the separator begins decimals
-        heads = read_texts(_first_rows(source, 100), doubtful)
+        doubtful = {i: values for i, values in zip(wanted, columns, strict=True) if may_be_grouped(values)}
+        lines = source.data[source.body_offset :].split(b"\n") if doubtful else []
+        heads = (
+            # 100: number of first rows that are not whole, of which one mostly shows that the separator begins decimals
+            read_texts(_of_lines(source, [lines[row] for row in np.flatnonzero(values % 1.0)[:100]]), [i])[0]
+            for i, values in doubtful.items()
+        )
         if is_small and all(use_of(cells, decimal) == "decimal" for cells in heads):
             return columns, []
     except ValueError:  # a cell that is not a number
@@ -381,15 +385,15 @@ def read_numbers(
     return columns, faults
 
 
-def _first_rows(source: Delimited, rows: int) -> Delimited:
-    lines = source.data[source.body_offset :].split(b"\n", rows)[:rows]
+def _of_lines(source: Delimited, lines: Sequence[bytes]) -> Delimited:
     return replace(source, data=b"\n".join(lines), body_offset=0)
 
 
 def _decimals(source: Delimited) -> set[str]:
     """The separators that begin decimals in some column of a file."""
     # 1000: number of first rows that are looked at
-    columns = read_texts(_first_rows(source, 1000), range(len(source.names)))
+    lines = source.data[source.body_offset :].split(b"\n", 1000)[:1000]
+    columns = read_texts(_of_lines(source, lines), range(len(source.names)))
     return {mark for mark in MARKS if any(use_of(cells, mark) == "decimal" for cells in columns)}
 
 

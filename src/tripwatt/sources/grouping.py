@@ -103,6 +103,6 @@ def may_be_grouped(values: FloatArray) -> bool:
     (True, False)
     """
     size = np.abs(values[np.isfinite(values)])
-    if not (size % 1.0 > 0.0).any() or ((size > 0.0) & (size < 1.0)).any() or size.max() >= 1000.0:
+    if ((size > 0.0) & (size < 1.0)).any() or size.max(initial=0.0) >= 1000.0 or not (size % 1.0).any():
         return False
     return bool(np.isclose(1000.0 * size, np.round(1000.0 * size), rtol=0.0, atol=1e-6).all())
