@@ -70,9 +70,6 @@ class TestCorrectors:
             def by_feature(self, of_terms):
                 return np.array([9.0])
 
-            def predict(self, features):
-                return np.array([12.0, 20.0])
-
             def factor(self, features):
                 return features * 2.0
 
@@ -80,9 +77,9 @@ class TestCorrectors:
         corrector.model = Model()
         corrector.fit(own)
         assert corrector.model.given[1].tolist() == [10.0, 30.0]
-        # left are -2 and 10, less 7: -9 and 3; the feature less 1.75: -0.75 and 0.25
-        gram = 0.75**2 + 0.25**2 + ((81.0 + 9.0) / 2.0) / (4.0 * 9.0)
-        shape = (0.75 * 9.0 + 0.25 * 3.0) / gram
+        # left are -90 and -170, less -150: 60 and -20; the feature less 1.75: -0.75 and 0.25
+        gram = 0.75**2 + 0.25**2 + ((3600.0 + 400.0) / 2.0) / (4.0 * 9.0)
+        shape = -(0.75 * 60.0 + 0.25 * 20.0) / gram
         assert corrector.shape == pytest.approx([shape], **EXACT)
         expected = [100.0 - 0.75 * shape, 200.0 + 0.25 * shape]
         assert corrector.predict(own) == pytest.approx(expected, **EXACT)

@@ -268,7 +268,7 @@ class GPCorrector(PowerCorrector):
         self.model.fit(table.features, table.residual_w, table.groups, table.hours, errors.own_wh)
         features = self.model.features(table.features)
         prior = self.model.by_feature([term.sd**2 for term in self.terms])
-        left = table.residual_w - self.model.predict(table.features)
+        left = table.residual_w - features @ self.model.weights_
         within = less_trip_mean(np.column_stack([features, left]), table)
         within = within[errors.along[table.groups]]
         if not len(within):

@@ -157,7 +157,7 @@ class GroupLoss:
 
     def __init__(self, y: FloatArray, codes: IntArray, loss: Loss, score_rows: ScoreRows) -> None:
         last = np.r_[codes[1:] != codes[:-1], True]
-        self.rows = np.arange(codes.size) if score_rows == "all" else np.flatnonzero(last)
+        self.rows = slice(None) if score_rows == "all" else np.flatnonzero(last)
         self.y = y[self.rows]
         self.loss = loss
         self.codes = codes[self.rows]

@@ -87,10 +87,20 @@ class WorkingCorrelation:
     def _ar1_diagonal(self) -> FloatArray:
         return np.asarray(np.array([1.0 - self.rho**2, 1.0, 1.0 + self.rho**2])[self.neighbours])
 
+    def leaf_values(self, leaf: IntArray, gradient: FloatArray) -> FloatArray:
+        """Solve Z' V^-1 Z b = Z' g for the indicators Z of the leaves, shape (n_leaves,); a leaf without weight has the score itself."""
+        n_leaves = int(leaf.max()) + 1
+        score = np.bincount(leaf, gradient, n_leaves)
+        if self.kind == "independence" or self.rho == 0.0:
+            weight = np.bincount(leaf, self.weight, n_leaves)
+            return np.asarray(score / np.where(weight > 0, weight, 1.0))
+        normal = self.normal_matrix(leaf, n_leaves)
+        empty = np.diag(normal) <= 0
+        normal[empty, empty] = 1.0
+        return np.asarray(np.linalg.solve(normal, score))
+
     def normal_matrix(self, leaf: IntArray, n_leaves: int) -> FloatArray:
         """Compute Z' V^-1 Z for the indicators Z of the leaves, shape (n_leaves, n_leaves)."""
-        if self.kind == "independence" or self.rho == 0.0:
-            return np.diag(np.bincount(leaf, self.weight, n_leaves))
         if self.kind == "exchangeable":
             n_groups = self.sizes.size
             in_leaf = np.bincount(self.codes * n_leaves + leaf, minlength=n_groups * n_leaves)

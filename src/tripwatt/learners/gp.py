@@ -140,8 +140,7 @@ class AdditiveGP:
         w = np.ones(len(X)) if weight is None else np.asarray(weight, dtype=np.float64)
         self._learn_columns(X)
         features = self.features(X)
-        totals = np.zeros((len(labels), features.shape[1]))
-        np.add.at(totals, codes, features * w[:, None])
+        totals = np.column_stack([np.bincount(codes, feature * w) for feature in features.T])
         target = np.asarray(np.bincount(codes, np.asarray(y, dtype=np.float64) * w), dtype=np.float64)
         effects: list[FloatArray] = [np.asarray(np.bincount(codes, w), dtype=np.float64)]
         if self.share_column is not None:
@@ -247,7 +246,9 @@ class AdditiveGP:
         columns = float_columns(X)
         for i, term in ((i, term) for i, term in enumerate(self.terms) if term.kind == "smooth"):
             held = {c: self._held(columns, c) for c in term.columns}
-            z = np.unique(np.column_stack(self._standard(held, term)).round(3), axis=0)
+            z = np.column_stack(self._standard(held, term)).round(3)
+            # much faster for one column than with an axis
+            z = np.unique(z)[:, None] if z.shape[1] == 1 else np.unique(z, axis=0)
             most = _INDUCING if len(term.columns) == 1 else 4 * _INDUCING
             self.points_[i] = _inducing_points(z, most)
             gram = _squared_exponential(list(self.points_[i].T), self.points_[i])

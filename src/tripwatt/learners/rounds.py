@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from copy import copy
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -61,26 +60,20 @@ def boost(
         tree_seed = int(rng.integers(1, 2**31 - 1))
         residual = np.where(inside, y - fitted, 0.0)
         working.estimate(residual)
-        current = working
         if setting["subsample"] < 1.0 and (drawn & allowed).any():
-            current = copy(working)
-            current.weight = np.where(drawn[sample.codes], weight, 0.0)
-        gradient = current.solve(residual)
-        path.trees.grow(gradient, current.weight, tree_seed)
+            working.weight = np.where(drawn[sample.codes], weight, 0.0)
+        gradient = working.solve(residual)
+        path.trees.grow(gradient, working.weight, tree_seed)
         leaf = path.trees.last_leaves(sample.grower.X)
-        n_leaves = int(leaf.max()) + 1
-        normal = current.normal_matrix(leaf, n_leaves)
-        empty = np.diag(normal) <= 0
-        normal[empty, empty] = 1.0
-        score = np.bincount(leaf, gradient, n_leaves)
-        path.values.append(setting["learning_rate"] * np.linalg.solve(normal, score))
+        path.values.append(setting["learning_rate"] * working.leaf_values(leaf, gradient))
+        working.weight = weight
         fitted = fitted + path.values[-1][leaf]
         if scored:
             loss = sample.loss(fitted)
             path.losses.append(np.full(loss.shape, np.nan))
             for k in np.flatnonzero(since_best < patience).tolist():
-                path.losses[-1][scored[k]] = loss[scored[k]]
-                mean = loss[scored[k]].mean()
+                path.losses[-1][scored[k]] = own = loss[scored[k]]
+                mean = own.mean()
                 since_best[k] = 0 if mean < best[k] else since_best[k] + 1
                 best[k] = min(best[k], mean)
             if (since_best >= patience).all():

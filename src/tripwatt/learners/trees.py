@@ -133,10 +133,12 @@ class Trees:
         leaves, self._n_splits = range(n_splits - self._n_splits + 1), n_splits
         values = np.array([self.booster.get_leaf_output(self._n_kept - 1, leaf) for leaf in leaves])
         order, added = np.argsort(values), self._score - before
-        ranked = values[order]
-        place = np.searchsorted(0.5 * (ranked[1:] + ranked[:-1]), added)
+        ranked, place = values[order], np.zeros(len(added), dtype=np.int64)
+        # for a few leaves a quarter of the time of `np.searchsorted`
+        for middle in (0.5 * (ranked[1:] + ranked[:-1])).tolist():
+            place += added > middle
         error = max(np.abs(added - ranked[place]).max(), np.spacing(np.abs(self._score).max()))
-        if 4.0 * error < np.diff(ranked).min():
+        if 4.0 * error < (ranked[1:] - ranked[:-1]).min():
             return np.asarray(order[place], dtype=np.int64)
         return np.asarray(self.leaves(X, first=len(self.position) - 1)[0])
 
