@@ -95,8 +95,7 @@ class WorkingCorrelation:
             weight = np.bincount(leaf, self.weight, n_leaves)
             return np.asarray(score / np.where(weight > 0, weight, 1.0))
         normal = self.normal_matrix(leaf, n_leaves)
-        empty = np.diag(normal) <= 0
-        normal[empty, empty] = 1.0
+        normal += np.diag(np.diag(normal) <= 0)
         return np.asarray(np.linalg.solve(normal, score))
 
     def normal_matrix(self, leaf: IntArray, n_leaves: int) -> FloatArray:

@@ -140,7 +140,7 @@ class AdditiveGP:
         w = np.ones(len(X)) if weight is None else np.asarray(weight, dtype=np.float64)
         self._learn_columns(X)
         features = self.features(X)
-        totals = np.column_stack([np.bincount(codes, feature * w) for feature in features.T])
+        totals = np.stack([np.bincount(codes, feature * w) for feature in features.T], 1, dtype=np.float64)
         target = np.asarray(np.bincount(codes, np.asarray(y, dtype=np.float64) * w), dtype=np.float64)
         effects: list[FloatArray] = [np.asarray(np.bincount(codes, w), dtype=np.float64)]
         if self.share_column is not None:

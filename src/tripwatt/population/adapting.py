@@ -504,8 +504,5 @@ def _joined(base: Mapping[str, Range], own: Mapping[str, Range]) -> dict[str, Ra
 
 def _both(one: Range, other: Range) -> Range:
     """Range that covers two ranges; if one is unknown, returns the other."""
-    if not np.isfinite(one.low):
-        return other
-    if not np.isfinite(other.low):
-        return one
-    return Range(min(one.low, other.low), max(one.high, other.high), one.sd)
+    known = [each for each in (one, other) if np.isfinite(each.low)] or [other]
+    return Range(min(each.low for each in known), max(each.high for each in known), known[0].sd)

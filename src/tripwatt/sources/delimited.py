@@ -356,13 +356,11 @@ def read_numbers(
         table = _parsed(source, wanted, dtype=np.float64, na_values=NULL_TEXTS, decimal=decimal)
         columns = [table[i].to_numpy() for i in wanted]
         is_small = all(np.nanmax(np.abs(values), initial=0.0) <= LARGEST_NUMBER for values in columns)
-        doubtful = {i: values for i, values in zip(wanted, columns, strict=True) if may_be_grouped(values)}
+        doubtful = [(i, v) for i, v in zip(wanted, columns, strict=True) if is_small and may_be_grouped(v)]
         lines = source.data[source.body_offset :].split(b"\n") if doubtful else []
-        heads = (
-            # 100: number of first rows that are not whole, of which one mostly shows that the separator begins decimals
-            read_texts(_of_lines(source, [lines[row] for row in np.flatnonzero(values % 1.0)[:100]]), [i])[0]
-            for i, values in doubtful.items()
-        )
+        # 100: number of first rows that are not whole, of which one mostly shows that the separator begins decimals
+        rows = {i: [lines[row] for row in np.flatnonzero(v % 1.0)[:100]] for i, v in doubtful}
+        heads = (read_texts(_of_lines(source, own), [i])[0] for i, own in rows.items())
         if is_small and all(use_of(cells, decimal) == "decimal" for cells in heads):
             return columns, []
     except ValueError:  # a cell that is not a number
