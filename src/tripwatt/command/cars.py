@@ -18,6 +18,7 @@ from tripwatt.command.departing import DepartureOf, departure_options
 from tripwatt.command.options import Answer, argument, assignments, flag, option, require_effect
 from tripwatt.command.output import write_text
 from tripwatt.command.printing import console, print_json, print_notes, print_table, say
+from tripwatt.command.sentences import by_cause
 from tripwatt.errors import Check, InvalidInput, places_named, printable, raise_faults
 from tripwatt.trips.messages import flag_to_dict
 from tripwatt.trips.showing import journey
@@ -188,7 +189,7 @@ def _show_simulation(answer: dict[str, Any]) -> None:
         values = (energy, 100.0 * energy / total if total else None, energy / distance if distance else None)
         return (name, *("–" if v is None else f"{round(v, 1) + 0.0:.1f}" for v in values))
 
-    rows = [row(cause.replace("_", " "), energy) for cause, energy in answer["by_cause_wh"].items()]
+    rows = [row(cause, energy) for cause, energy in by_cause(answer["by_cause_wh"]).items()]
     rows.append(row("simulated, total", total))
     if answer["observed_energy_wh"] is not None:
         rows.append(row("measured", answer["observed_energy_wh"]))

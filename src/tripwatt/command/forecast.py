@@ -17,6 +17,7 @@ from tripwatt.command.output import write_text
 from tripwatt.command.printing import kwh, print_few_notes, print_notes, print_table, say
 from tripwatt.command.sentences import (
     begins,
+    by_cause,
     chance,
     chance_to_arrive,
     forecast_in_words,
@@ -120,19 +121,13 @@ def show_arrival(forecast: tw.Forecast, subject: str, reserve: float) -> None:
 
 
 def _show_forecast(forecast: tw.Forecast, reserve: float, leave: LeaveWith | None) -> None:
-    from tripwatt.physics.chain import CAUSE_NAMES
-
     show_arrival(forecast, forecast.plan.trip_id, reserve)
     when = f"after {period(forecast.measured_until_s)}"
     if leave is not None:
         when = "before departure"
         say(leave["message"])
     say("")
-    causes = [
-        (CAUSE_NAMES.get(cause, cause), kwh(energy, 3, "+"))
-        for cause, energy in forecast.by_cause_wh.items()
-        if cause != "shortfall" or energy
-    ]
+    causes = [(cause, kwh(energy, 3, "+")) for cause, energy in by_cause(forecast.by_cause_wh).items()]
     causes.append(("in all", kwh(forecast.energy_wh, 3, "+")))
     title = f"{forecast.vehicle.title}, {when}, given {forecast.given}"
     print_table(title, ("cause", "energy"), causes, numbers=("energy",))

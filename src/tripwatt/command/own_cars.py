@@ -12,7 +12,7 @@ import tripwatt as tw
 from tripwatt.command import shared
 from tripwatt.command.options import Answer, argument, flag, make_group, option
 from tripwatt.command.printing import console, kwh, print_notes, print_reading, print_table, progress, say
-from tripwatt.command.sentences import change, share
+from tripwatt.command.sentences import by_cause, change, share
 from tripwatt.errors import counted, raise_faults, system_errors
 
 if TYPE_CHECKING:
@@ -130,8 +130,8 @@ def _show(about: Mapping[str, Any], table: pd.DataFrame) -> None:
     _show_scores(about)
     total = sum(about["by_cause_wh"].values())
     spent = [
-        (name.replace("_", " "), kwh(energy), share(energy / total if total else None))
-        for name, energy in about["by_cause_wh"].items()
+        (cause, kwh(energy), share(energy / total if total else None))
+        for cause, energy in by_cause(about["by_cause_wh"]).items()
     ]
     print_table("Where the energy went", ("cause", "energy", "share"), spent, numbers=("energy", "share"))
     columns = ("trip", "departure", "distance", "forecast", "90 % interval", "took", "error")

@@ -174,6 +174,13 @@ def _percent(fraction: float) -> str:
     return f"{round(100.0 * fraction)}"
 
 
+def by_cause(energies_wh: Mapping[str, float]) -> dict[str, float]:
+    """Energies [Wh] by the name of their cause; what was not delivered only if there is some."""
+    from tripwatt.physics.chain import CAUSE_NAMES
+
+    return {CAUSE_NAMES.get(key, key): wh for key, wh in energies_wh.items() if wh or key != "shortfall"}
+
+
 def share(value: float | None) -> str:
     """Format a share in percent; returns "unknown" for None.
 
