@@ -12,7 +12,13 @@ from rich.console import Console
 from tests.support.drives import example_trip
 
 from tripwatt.command import printing
-from tripwatt.command.sentences import chance_to_arrive, forecast_in_words, unknown_climb_in_words
+from tripwatt.command.sentences import (
+    by_cause,
+    chance_to_arrive,
+    change,
+    forecast_in_words,
+    unknown_climb_in_words,
+)
 from tripwatt.forecasting import load_model
 from tripwatt.trips import Departure, Plan
 
@@ -51,6 +57,19 @@ def test_the_sentence_holds_the_numbers_of_the_forecast() -> None:
         "Example trip, 12.3 km in 24 min at 0 °C: 2.1 kWh; 9 in 10 such trips take 1.8 to 2.5 kWh. "
         "Leaving with 80 % you arrive with 69 % (66 to 71 %)."
     )
+
+
+def test_a_charge_is_told_as_it_was_given() -> None:
+    """A display of 99 % stands for the whole battery in the sum, not in the sentence."""
+    plan = SimpleNamespace(departure=Departure(soc=0.99))
+    assert "Leaving with 99 % you arrive" in forecast_in_words(made((1.0, 0.78, 0.75, 0.81), plan=plan))
+
+
+def test_causes_and_changes_have_words() -> None:
+    causes = {"air": 2.0, "acceleration": 1.0, "base_load": 3.0, "shortfall": 0.0, "not_forecast": -1.0}
+    assert list(by_cause(causes)) == ["air drag", "change of speed", "base load", "not forecast"]
+    assert list(by_cause({"shortfall": -1.0})) == ["not delivered"]
+    assert change({"change": -0.0001, "unit": "1"}, "change") == "+0.0%"
 
 
 def test_a_battery_that_may_not_last_is_told_with_its_probability() -> None:

@@ -18,7 +18,7 @@ from tripwatt.command.sentences import begins
 from tripwatt.errors import InvalidInput
 from tripwatt.trips.showing import period
 
-CAR: Final = f"{shared.ANOTHER[:-1]}; or the folder of your own car (`tripwatt car new`)."
+CAR: Final = f"{shared.ANOTHER} Or the folder of your own car (`tripwatt car new`)."
 
 
 @dataclass(frozen=True)

@@ -60,7 +60,7 @@ def _how_far(forecast: tw.Forecast) -> str:
 def _arrival(forecast: tw.Forecast) -> str:
     """Describe the displayed charge at departure and at arrival, or where the battery runs empty."""
     along = forecast.to_frame()
-    start = float(along["displayed_soc"].iloc[0])
+    start = forecast.plan.departure.soc or float(along["displayed_soc"].iloc[0])
     end, low, high = along[["displayed_soc", "displayed_soc_low", "displayed_soc_high"]].iloc[-1]
     arrives = f"The probability to arrive is {chance_to_arrive(forecast)}."
     if forecast.along.missing_wh[1] > 0.0:
@@ -174,11 +174,11 @@ def _percent(fraction: float) -> str:
     return f"{round(100.0 * fraction)}"
 
 
-def by_cause(energies_wh: Mapping[str, float]) -> dict[str, float]:
+def by_cause(causes: Mapping[str, float]) -> dict[str, float]:
     """Energies [Wh] by the name of their cause; what was not delivered only if there is some."""
     from tripwatt.physics.chain import CAUSE_NAMES
 
-    return {CAUSE_NAMES.get(key, key): wh for key, wh in energies_wh.items() if wh or key != "shortfall"}
+    return {CAUSE_NAMES.get(k, k).replace("_", " "): wh for k, wh in causes.items() if wh or k != "shortfall"}
 
 
 def share(value: float | None) -> str:
@@ -200,4 +200,4 @@ def change(value: Mapping[str, Any], key: str, sign: str = "+") -> str:
     >>> change({"change": 0.05, "unit": "1"}, "change"), change({"sd": 0.3, "unit": "kW"}, "sd", sign="")
     ('+5.0%', '0.30 kW')
     """
-    return f"{value[key]:{sign}.2f} kW" if value["unit"] == "kW" else f"{value[key]:{sign}.1%}"
+    return f"{value[key]:{sign}.2f} kW" if value["unit"] == "kW" else f"{value[key]:{sign}z.1%}"
