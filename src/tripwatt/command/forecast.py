@@ -176,7 +176,7 @@ def advise(
     departure: Departing,
     vehicle: shared.Car = None,
     reserve: shared.Reserve = 0.1,
-    probability: Annotated[float, option("0.5..1", "Wanted probability to arrive.", "--chance")] = 0.95,
+    probability: Annotated[float, option("0.5..0.999", "Wanted probability to arrive.", "--chance")] = 0.95,
 ) -> Answer:
     """Say what to do about a trip: the least that helps, and what each action saves.
 

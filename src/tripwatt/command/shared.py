@@ -38,7 +38,7 @@ ANOTHER: Final = "Another car: a name from `tripwatt vehicles`, or a TOML file. 
 Car = Annotated[str | None, option("NAME|FILE", ANOTHER, "--car")]
 Model = Annotated[Path | None, option("FOLDER", "Folder of a model. Default: the bundled one.", "--model")]
 Reserve = Annotated[float, option("0..1", "Charge to arrive with, as displayed.", "--reserve")]
-Probability = Annotated[float, option("0.5..1", "Probability that it is enough.", "--probability")]
+Probability = Annotated[float, option("0.5..0.999", "Probability that it is enough.", "--probability")]
 Plug = Annotated[float, option("W", "Power of the plug; 0: not plugged in.", "--plug", min=0.0)]
 Cars = Annotated[Path | None, option("DIR", "Folder of cars that learn (see `tripwatt car`).", "--cars")]
 Port = Annotated[int, option("PORT", "Port; 0 selects a free one.", "--port", min=0, max=65535)]

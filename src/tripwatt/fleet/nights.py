@@ -205,7 +205,7 @@ def needs_by_hour(
     model : FleetModel
     trips : sequence of PlannedTrip
     probability : float
-        Probability that the energy suffices, 0.5 to 1.
+        Probability that the energy suffices, 0.5 to 0.999.
     reserve : float
         Displayed charge to come back with.
     refused : list of Fault, optional
@@ -236,7 +236,7 @@ def needs_by_hour(
     InvalidInput
         If `refused` is not given, and a vehicle is unknown and has no car model, or a trip cannot be forecast.
     """
-    require_fraction("probability", probability, 0.5)
+    require_fraction("probability", probability, 0.5, 0.999)
     require_fraction("reserve", reserve)
     check = Check()
     forecasts = [(trip, check(trip.forecast_by, model)) for trip in trips]

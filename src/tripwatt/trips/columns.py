@@ -152,8 +152,8 @@ def require_number(name: str, value: Any, minimum: float = -math.inf, maximum: f
     return float(value)
 
 
-def require_fraction(name: str, value: Any, minimum: float = 0.0) -> float:
-    """Check that an argument is a fraction from `minimum` to 1, such as a probability, and return it as a float.
+def require_fraction(name: str, value: Any, minimum: float = 0.0, maximum: float = 1.0) -> float:
+    """Check that an argument is a fraction from `minimum` to `maximum`, such as a probability, and return it as a float.
 
     Raises
     ------
@@ -169,7 +169,7 @@ def require_fraction(name: str, value: Any, minimum: float = 0.0) -> float:
         ...
     tripwatt.errors.InvalidInput: value out of range: probability: got 95; allowed: 0 to 1; give a fraction, 0.9 for 90 %
     """
-    raise_faults(number_faults(name, value, Column("1", minimum, 1.0, "")))
+    raise_faults(number_faults(name, value, Column("1", minimum, maximum, "")))
     return float(value)
 
 

@@ -151,7 +151,14 @@ def test_a_data_set_is_left_out_of_its_own_prior() -> None:
 
 @pytest.mark.parametrize(
     "asked",
-    [{"kind": "moon"}, {"kind": (0.5, 0.2, 0.2)}, {"probability": 0.2}, {"trips": 0}, {"reserve": 2.0}],
+    [
+        {"kind": "moon"},
+        {"kind": (0.5, 0.2, 0.2)},
+        {"probability": 0.2},
+        {"probability": 1.0},
+        {"trips": 0},
+        {"reserve": 2.0},
+    ],
 )
 def test_what_is_out_of_bounds_is_refused(model: ForecastModel, asked: dict[str, object]) -> None:
     with pytest.raises(InvalidInput):

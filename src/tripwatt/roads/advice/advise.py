@@ -273,7 +273,7 @@ def advise(
     reserve : float
         Displayed state of charge to arrive with, 0 to 1.
     probability : float
-        Required probability to arrive with the reserve, 0.5 to 1.
+        Required probability to arrive with the reserve, 0.5 to 0.999.
     others : sequence of (Action, Forecast)
         Other ways to make the trip, with their forecasts, such as from `leaving_later`. The other roads of a journey are always added.
     now : datetime, optional
@@ -298,7 +298,7 @@ def advise(
     ((), ['no_roof_box', 'setpoint'])
     """
     require_fraction("reserve", reserve)
-    require_fraction("probability", probability, 0.5)
+    require_fraction("probability", probability, 0.5, 0.999)
     if isinstance(trip, Plan | Trip):
         forecast = for_car(model, car).forecast(trip, departure)
     else:

@@ -133,7 +133,7 @@ class Companion:
     reserve : float
         Displayed state of charge to arrive with, 0 to 1.
     chance : float
-        Required chance to arrive with the reserve, 0.5 to 1.
+        Required chance to arrive with the reserve, 0.5 to 0.999.
 
     Attributes
     ----------
@@ -153,7 +153,7 @@ class Companion:
     def __init__(self, departure: Forecast, reserve: float = 0.1, probability: float = 0.95) -> None:
         self.departure = departure
         self.reserve = require_fraction("reserve", reserve)
-        self.probability = require_fraction("probability", probability, 0.5)
+        self.probability = require_fraction("probability", probability, 0.5, 0.999)
         self.latest: Message | None = None
         self._evaluated_s = self._message_s = -np.inf
         self._verdict: Verdict | None = None

@@ -65,7 +65,7 @@ class Need:
     energy_wh, energy_quantile_wh : float
         Median of the energy, and energy that is not exceeded with `probability` [Wh].
     probability : float
-        Probability that energy and charge suffice, 0.5 to 1.
+        Probability that energy and charge suffice, 0.5 to 0.999.
     half_wh, interval_wh : tuple of float
         Ends of the middle half and of the central 90 % [Wh].
     soc_needed : float
@@ -424,7 +424,7 @@ def need(
     car : Vehicle or str, optional
         A car other than the model's own.
     probability : float
-        Probability that energy and charge suffice, 0.5 to 1.
+        Probability that energy and charge suffice, 0.5 to 0.999.
     trips : int
         Number of equal trips ahead. They share their errors in full, so the need of one trip is multiplied by this number.
     reserve : float
@@ -447,7 +447,7 @@ def need(
     >>> round(five.energy_quantile_wh / one.energy_quantile_wh, 6)
     5.0
     """
-    require_fraction("probability", probability, 0.5)
+    require_fraction("probability", probability, 0.5, 0.999)
     require_fraction("reserve", reserve)
     raise_faults(number_faults("trips", trips, Column("", 1, _MAX_TRIPS, ""), whole=True))
     n_trips = int(trips)
