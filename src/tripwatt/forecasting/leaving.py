@@ -77,7 +77,7 @@ def soc_needed(forecast: Forecast, reserve: float = 0.1, probability: float = 0.
     reserve : float
         Displayed state of charge to arrive with, 0 to 1.
     probability : float
-        Probability of arriving with the reserve, 0.5 to 0.999.
+        Probability of arriving with the reserve, 0.5 to 1.
 
     Returns
     -------
@@ -95,7 +95,7 @@ def soc_needed(forecast: Forecast, reserve: float = 0.1, probability: float = 0.
     0.95
     """
     reserve = require_fraction("reserve", reserve)
-    probability = require_fraction("probability", probability, 0.5, 0.999)
+    probability = require_fraction("probability", probability, 0.5)
     planned = forecast.plan.departure.soc if forecast.measured is NOT_MEASURED else None
 
     def spare(soc: float) -> float:

@@ -118,7 +118,7 @@ def number_faults(name: str, value: Any, allowed: Column, *, whole: bool = False
     >>> print(*number_faults("level", 90, Column("1", 0.0, 1.0, "")))
     value out of range: level: got 90; allowed: 0 to 1; give a fraction, 0.9 for 90 %
     """
-    is_share = allowed.unit == "1" and allowed.maximum == 1.0
+    is_share = allowed.unit == "1" and 0.9 <= allowed.maximum <= 1.0
     fix = "give a fraction, 0.9 for 90 %" if is_share else ""
     if not is_number(value) or (whole and not isinstance(value, numbers.Integral)):
         what = "not a whole number" if whole else "not a number"
