@@ -6,6 +6,8 @@ the output cannot be written; 70 an error of tripwatt itself; 130 interrupted; 1
 
 from __future__ import annotations
 
+import atexit
+import gc
 import os
 import signal
 import sys
@@ -124,6 +126,9 @@ def main() -> None:
     --------
     >>> main()  # doctest: +SKIP
     """
+    # what is imported stays: a search of it for reference cycles, also the one at the exit, takes a fifth of a short command
+    gc.set_threshold(200_000)
+    atexit.register(gc.freeze)
     # SIGTERM raises SystemExit, so that worker processes and temporary files are removed.
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(TERMINATED))
     try:
