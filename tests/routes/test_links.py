@@ -1,5 +1,7 @@
 """Routes of links: bounds, the links of a trip, the plan that a driver makes of them."""
 
+from dataclasses import replace
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -124,7 +126,7 @@ def test_a_speed_limit_changes_the_drive():
 
 def test_a_planned_trip_knows_the_length_of_its_links():
     assert Plan.from_trip(driven(np.full(60, 10.0))).link_m is None
-    two = route_from_links([{"length_m": 100.0, "speed_m_s": 9.0}, {"length_m": 300.0, "speed_m_s": 9.1}])
+    two = route_from_links([{"length_m": 100.0, "speed_m_s": 9.0}, {"length_m": 300.0, "speed_m_s": 9.3}])
     assert two.plan().link_m == pytest.approx((100.0**2 + 300.0**2) / 400.0)
 
 
@@ -324,10 +326,29 @@ def test_neighbours_that_differ_in_nothing_are_one_link(more, one):
     assert uncut([200.0, 200.0], [20.0, 20.0], **more) == (400.0 if one else 200.0)
 
 
-def test_speeds_that_differ_by_a_millionth_are_one():
-    assert uncut([200.0, 200.0], [20.0, 20.00001]) == 400.0
-    assert uncut([200.0, 200.0], [20.0, 20.00003]) == 200.0
+def test_speeds_that_agree_within_a_hundredth_are_one():
+    assert uncut([200.0, 200.0], [20.01, 20.2]) == 400.0
+    assert uncut([200.0, 200.0], [20.01, 20.3]) == 200.0
+    steadily_faster = 20.01 * 0.985 ** np.arange(40)
+    assert uncut(np.full(40, 200.0), steadily_faster) == 200.0
+    whole_seconds = [20.0, 21.0], [20.0, 23.0]
+    assert [uncut([200.0, 200.0], times) for times in whole_seconds] == [400.0, 200.0]
+    measured = replace(route([200.0, 200.0], [20.0, 20.0]), measured=True)
+    assert measured.plan().link_m == 200.0
     assert links.MAX_SAMPLES == 2_000_000
+
+
+@pytest.mark.parametrize("digits", [3, 2, 1, 0])
+@pytest.mark.parametrize("km_h", [30.0, 50.0, 80.0, 120.0])
+def test_rounded_travel_times_do_not_change_the_drive(km_h, digits):
+    length = np.random.default_rng(3).uniform(80.0, 400.0, 60).round()
+    time = length / (km_h / 3.6)
+    exact, rounded = (route(length, times).plan() for times in (time, time.round(digits)))
+    assert rounded.link_m == pytest.approx(exact.link_m, rel=1e-3)
+    strokes = [
+        float(np.maximum(np.diff(plan.array("speed_m_s") ** 2), 0.0).sum()) for plan in (exact, rounded)
+    ]
+    assert strokes[1] == pytest.approx(strokes[0], rel=0.03)
     assert uncut([200.0, 300.0, 100.0], [20.0, 30.0, 20.0]) == pytest.approx((500.0**2 + 100.0**2) / 600.0)
 
 

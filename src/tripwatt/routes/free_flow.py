@@ -14,7 +14,7 @@ from typing import Final
 import numpy as np
 
 from tripwatt.arrays import FloatArray, distance_driven
-from tripwatt.routes.links import SAME_SPEED, SHORTEST_STRETCH_M, LinkRoute, links_of_trip
+from tripwatt.routes.links import SHORTEST_STRETCH_M, LinkRoute, links_of_trip
 from tripwatt.trips import Plan, Recorded
 from tripwatt.units import M_S_PER_KM_H
 
@@ -119,7 +119,7 @@ def log_energy_ratios(
     ndarray, shape (len(SHARES),)
         Logarithm of the energy of the plan over that of the drive.
     """
-    timed = replace(route, travel_time_s=driven_s)
+    timed = replace(route, travel_time_s=driven_s, measured=True)
     moving = [replace(timed, moving_speed_m_s=share * route.moving_speed_m_s) for share in SHARES]
     planned = [energy(links.plan().with_departure(trip.departure)) for links in moving]
     return np.asarray(np.log(np.array(planned) / energy(Plan.from_trip(trip))))
@@ -166,7 +166,7 @@ def free_flow_links(trip: Recorded, length_m: float = LINK_M) -> tuple[LinkRoute
     inner = np.searchsorted(position, border[:-1])
     free = np.array([_class_speed(piece) for piece in np.split(speed, inner)])
     empty_road_s = driven.length_m / free
-    route = replace(driven, travel_time_s=empty_road_s, moving_speed_m_s=free, free_flow=True)
+    route = replace(driven, travel_time_s=empty_road_s, moving_speed_m_s=free, free_flow=True, measured=False)
     return route, driven.travel_time_s
 
 
@@ -187,7 +187,7 @@ def driven_by_kind(trip: Recorded) -> FloatArray:
     """
     route, driven_s = free_flow_links(trip)
     # highest free speed of a road in the city, and of one in the country
-    bounds = np.array([50.0, 100.0]) * M_S_PER_KM_H + SAME_SPEED
+    bounds = np.array([50.0, 100.0]) * M_S_PER_KM_H + 1e-6
     kind = np.searchsorted(bounds, route.moving_speed_m_s)
     return np.concatenate([np.bincount(kind, part, 3) for part in (route.length_m, driven_s)])
 
@@ -213,6 +213,7 @@ def _limit_links(
         stop_s=unknown,
         moving_speed_m_s=limit,
         free_flow=True,
+        measured=False,
     )
     return route, np.diff(time_s[border])
 

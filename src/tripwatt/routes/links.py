@@ -31,8 +31,8 @@ LONGEST_LINK_M: Final = LINK_COLUMNS["length_m"].maximum
 SHORTEST_STRETCH_M: Final = 60.0
 """Shorter links are joined with the next ones before they are driven: a mean speed over a few metres means nothing. A choice."""
 
-SAME_SPEED: Final = 1e-6
-"""Largest relative difference, from rounding, of two speeds that count as equal."""
+SAME_SPEED: Final = 0.01
+"""Largest relative difference of the speeds of two links that count as equal, since times and lengths are rounded; a choice."""
 
 FLAT_ROAD: Final = Flag("no_elevation", "road")
 
@@ -66,6 +66,8 @@ class LinkRoute:
         Whether the travel times are those of an empty road.
     pauses : tuple of Pause
         Ferries and trains that carry the car; they are no part of the links.
+    measured : bool
+        Whether the travel times were driven: equal speeds of neighbours are then a coincidence.
 
     Raises
     ------
@@ -92,6 +94,7 @@ class LinkRoute:
     speed_limit_m_s: FloatArray | None = None
     free_flow: bool = False
     pauses: tuple[Pause, ...] = ()
+    measured: bool = False
 
     def __post_init__(self) -> None:
         raise_faults(_route_faults(self))
@@ -169,7 +172,7 @@ class LinkRoute:
     ) -> Plan:
         """Plan the speed over time of a drive on a route, from standstill to standstill. O(length / 4 m + samples).
 
-        Neighbouring links with equal values count as one, so that the plan does not depend on how a road is cut. Links shorter
+        Neighbouring links with equal values count as one, so that the plan does not depend on how a road is cut or its times are rounded. Links shorter
         than `SHORTEST_STRETCH_M` are joined with the next ones, up to a given stop. `link_profile` reproduces the travel time of
         every joined stretch.
 
@@ -313,7 +316,9 @@ def links_of_trip(trip: Recorded, length_m: float = 250.0) -> LinkRoute:
             position, height = border, np.interp(border, driven[known], logged[known])
     unknown = np.full(number, np.nan)
     flags = () if height is not None else (FLAT_ROAD,)
-    return LinkRoute(np.diff(border), np.diff(passed), unknown, unknown, position, height, flags)
+    return LinkRoute(
+        np.diff(border), np.diff(passed), unknown, unknown, position, height, flags, measured=True
+    )
 
 
 def plan_on_links(trip: Recorded, length_m: float) -> Plan:
@@ -353,19 +358,31 @@ def plan_on_links(trip: Recorded, length_m: float) -> Plan:
 def _merge_equal_links(route: LinkRoute) -> LinkRoute:
     """The route in which neighbours of equal speed, limit and moving speed are one link if the stops of both are unknown or 0.
 
-    The route itself is returned if a merged link would be longer than a link may be.
+    A speed is equal if the link takes the time that it would take at the speed of the merged link before it, but for `SAME_SPEED` and
+    the rounding of both times. The route itself is returned if a merged link would be longer than a link may be, or if its speeds
+    were measured.
     """
-    speed, stop = route.speed_m_s, route.stop_s
-    equal = np.abs(np.diff(speed)) <= SAME_SPEED * speed[1:]
-    equal &= (np.isnan(stop[1:]) & np.isnan(stop[:-1])) | ((stop[1:] == 0.0) & (stop[:-1] == 0.0))
-    if not equal.any():
-        return route
+    stop, time = route.stop_s, route.travel_time_s
+    alike = (np.isnan(stop[1:]) & np.isnan(stop[:-1])) | ((stop[1:] == 0.0) & (stop[:-1] == 0.0))
     for values in (route.moving_speed_m_s, route.speed_limit_m_s):
         if values is not None:
-            equal &= np.isclose(values[:-1], values[1:], SAME_SPEED, 0.0, equal_nan=True)
-    starts = np.flatnonzero(np.concatenate(([True], ~equal)))
+            alike &= np.isclose(values[:-1], values[1:], 1e-6, 0.0, equal_nan=True)
+    if route.measured or not alike.any():
+        return route
+    half_s = next(
+        (0.5 * unit for unit in (1.0, 0.1) if np.allclose(time, unit * np.rint(time / unit), 0.0, 1e-6)), 0.0
+    )
+    starts, driven_m, spent_s = [0], float(route.length_m[0]), float(time[0])
+    links = zip(route.length_m[1:].tolist(), time[1:].tolist(), alike.tolist(), strict=True)
+    for number, (link_m, link_s, joins) in enumerate(links, 1):
+        late_s = abs(link_s - link_m * spent_s / driven_m)
+        if not joins or late_s > SAME_SPEED * link_s + half_s * (1.0 + link_s / spent_s):
+            starts.append(number)
+            driven_m = spent_s = 0.0
+        driven_m += link_m
+        spent_s += link_s
     # equal moving speeds are kept to the last bit: a change by rounding could alter where the iteration of a drive ends
-    merged = join_links(route, starts) | {"moving_speed_m_s": route.moving_speed_m_s[starts]}
+    merged = join_links(route, np.array(starts)) | {"moving_speed_m_s": route.moving_speed_m_s[starts]}
     return route if float(merged["length_m"].max()) > LONGEST_LINK_M else replace(route, **merged)
 
 

@@ -277,7 +277,10 @@ class Track:
         position, height, height_flags = self.elevation()
         unknown = np.full(len(length), np.nan)
         flags = (*flags, *height_flags)
-        return LinkRoute(length, seconds, unknown, unknown, position, height, flags, pauses=pauses)
+        measured = self.time_s is not None
+        return LinkRoute(
+            length, seconds, unknown, unknown, position, height, flags, pauses=pauses, measured=measured
+        )
 
     def driven_plan(self, *, trip_id: str = "track") -> Plan:
         """A plan with the speed over time of a logged track. O(points).
