@@ -91,9 +91,13 @@ def _show_fit(fleet: trips.TripSet, out: Path, notes: list[str], figures: dict[s
     used, read = figures["trips"], len(fleet.trips)
     unused = f" of {read} (`tripwatt audit` has the reasons)" if used < read else ""
     say(f"model: {out}, {how} {counted(used, 'trip')}{unused} ({fleet.name})")
-    errors = f"mean error {share(figures['mape'])}, RMSE {kwh(figures['rmse_wh'], 3)}"
-    say(f"held-out trips: {errors}, {figures['given']}")
+    say(f"held-out trips: {_errors(figures)}")
     print_notes([*grouped(fleet.notes), *notes[len(fleet.notes) :]])
+
+
+def _errors(figures: dict[str, Any], *more: str) -> str:
+    errors = f"mean error {share(figures['mape'])}", f"RMSE {kwh(figures['rmse_wh'], 3)}"
+    return ", ".join((*errors, *more, figures["given"]))
 
 
 def inspect(
@@ -131,11 +135,8 @@ def _about_rows(about: dict[str, Any]) -> list[tuple[str, str]]:
     if "adapted" in origin:
         rows += _adapted_rows(origin)
     if "mape" in figures:
-        errors = (
-            f"mean error {figures['mape']:.1%}, RMSE {figures['rmse_wh'] / 1000.0:.3f} kWh, "
-            f"bias {figures['bias_wh']:+.0f} Wh on {figures['trips']} trips, {figures['given']}"
-        )
-        rows += [("held-out trips", errors), ("protocol", figures["protocol"])]
+        bias = f"bias {figures['bias_wh']:+.0f} Wh on {figures['trips']} trips"
+        rows += [("held-out trips", _errors(figures, bias)), ("protocol", figures["protocol"])]
     parts = (f"{name} ({part['bytes']} bytes)" for name, part in about["parts"].items())
     return [*rows, ("parts", ", ".join(parts))]
 

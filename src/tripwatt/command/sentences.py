@@ -8,9 +8,8 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, Final
 
 import tripwatt as tw
-from tripwatt.command.printing import kwh
 from tripwatt.errors import counted
-from tripwatt.trips.showing import period
+from tripwatt.trips.showing import in_kwh, period
 from tripwatt.units import M_S_PER_KM_H, SECONDS_PER_MINUTE
 
 if TYPE_CHECKING:
@@ -39,8 +38,8 @@ def forecast_in_words(forecast: tw.Forecast, subject: str = "This trip") -> str:
     """
     low, high = forecast.interval(NINE_IN_TEN)
     about = (
-        f"{subject}, {_how_far(forecast)}: {_kwh(forecast.energy_wh)} kWh; "
-        f"9 in 10 such trips take {_kwh(low)} to {_kwh(high)} kWh."
+        f"{subject}, {_how_far(forecast)}: {in_kwh(forecast.energy_wh)} kWh; "
+        f"9 in 10 such trips take {in_kwh(low)} to {in_kwh(high)} kWh."
     )
     return f"{about} {_arrival(forecast)}"
 
@@ -69,8 +68,8 @@ def _arrival(forecast: tw.Forecast) -> str:
         early, expected, late = kilometres
         between = f"{early} to {late} km" if late else f"{early} km or later"
         text = (
-            f"Leaving with {_percent(start)} % the battery is empty after {expected} km ({between}): the trip takes {_kwh(missing)} kWh "
-            f"({_kwh(least)} to {_kwh(most)} kWh) more than it holds. {arrives}"
+            f"Leaving with {_percent(start)} % the battery is empty after {expected} km ({between}): the trip takes {in_kwh(missing)} kWh "
+            f"({in_kwh(least)} to {in_kwh(most)} kWh) more than it holds. {arrives}"
         )
         return f"{text} At best you arrive with {_percent(high)} %." if _percent(high) != "0" else text
     text = f"Leaving with {_percent(start)} % you arrive with {_percent(end)} % ({_percent(low)} to {_percent(high)} %)."
@@ -163,11 +162,6 @@ def chance(probability: float) -> str:
     if probability > 0.999:
         return "over 99.9 %"
     return "under 0.1 %" if probability < 0.001 else f"{100.0 * probability:.1f} %"
-
-
-def _kwh(energy_wh: float) -> str:
-    """Format an energy in kWh without the unit: to 0.1, or to 0.01 below 1 kWh."""
-    return kwh(energy_wh, 1 if abs(energy_wh) >= 1000.0 else 2).removesuffix(" kWh")
 
 
 def _percent(fraction: float) -> str:

@@ -12,7 +12,7 @@ from typing import Any, Final
 from tripwatt.files import shipped_toml
 from tripwatt.trips.departure import ASKED
 from tripwatt.trips.flags import Flag
-from tripwatt.trips.showing import period
+from tripwatt.trips.showing import in_kwh, period
 from tripwatt.units import M_S_PER_KM_H
 
 
@@ -44,12 +44,6 @@ def _number(flag: Flag) -> float:
     return float(flag.value or 0.0)
 
 
-def _kwh(flag: Flag) -> str:
-    """Format the energy of a flag [Wh] in kWh, rounded to 0.1 kWh, or to 0.01 kWh below 1 kWh."""
-    value = _number(flag) / 1000.0
-    return f"{value:.1f} kWh" if abs(value) >= 1.0 else f"{value:.2f} kWh"
-
-
 def _changed(flag: Flag, k: int) -> str:
     """Return the old (k = 0) or the new (k = -1) value of a flag's "old -> new", with its unit."""
     unit = "" if flag.unit in ("", "1") else f" {flag.unit.replace('degc', '°C')}"
@@ -70,7 +64,7 @@ FORMS: Final[Mapping[str, Callable[[Flag], str]]] = {
     "points": lambda f: f"{100.0 * _number(f):.1f}",
     "temperature": lambda f: f"{_number(f):.0f} °C",
     "speed": lambda f: f"{_number(f) / M_S_PER_KM_H:.0f} km/h",
-    "kwh": _kwh,
+    "kwh": lambda f: f"{in_kwh(_number(f))} kWh",
     "span": lambda f: period(_number(f)),
 }
 """Placeholder in the words of a flag -> function that fills it. The web page has its own, in the units of the reader."""

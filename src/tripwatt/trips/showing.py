@@ -36,6 +36,18 @@ def period(seconds: float) -> str:
     return f"{minutes} min" if minutes < 60 else f"{minutes // 60} h {minutes % 60:02d} min"
 
 
+def in_kwh(energy_wh: float) -> str:
+    """Format an energy in kWh without the unit: to 0.1, or to 0.01 below 1 kWh.
+
+    Examples
+    --------
+    >>> in_kwh(12_340.0), in_kwh(456.0), in_kwh(-0.1)
+    ('12.3', '0.46', '0.00')
+    """
+    digits = 1 if abs(energy_wh) >= 1000.0 else 2
+    return f"{energy_wh / 1000.0:z.{digits}f}"
+
+
 def span(name: str, low: float, high: float) -> str:
     """Format a range as text; the ending of its name determines the unit.
 
