@@ -17,7 +17,7 @@ from tripwatt.errors import Check
 from tripwatt.trips.showing import period
 
 if TYPE_CHECKING:
-    from tripwatt.roads.journey import Reach
+    from tripwatt.roads.journey import ChargingPlan, Reach
     from tripwatt.roads.maps.folder import MapFolder
 
 COSTS: Final = {"climate": "Climate control", "wind": "Wind", "speed": "Speeds above 100 km/h on motorways"}
@@ -146,12 +146,6 @@ def places(
 def _show(journey: tw.Journey) -> None:
     say(f"From {' to '.join(place.described for place in journey.stops)}.")
     say(*journey_in_words(journey), "")
-    words = []
-    for plan in journey.ways:
-        arrives, keeps = chance(plan.p_arrive), chance(plan.p_reserve)
-        if not plan.stops:
-            arrives, keeps = (chance_to_arrive(plan.legs[0].forecast, least) for least in (0.0, plan.reserve))
-        words.append((arrives, keeps))
     rows = [
         (
             way["labels"] or "road",
@@ -160,9 +154,9 @@ def _show(journey: tw.Journey) -> None:
             str(way["charges"]),
             kwh(way["energy_wh"]),
             f"{100.0 * way['soc_arrival']:.0f} % ({100.0 * way['soc_low']:.0f} to {100.0 * way['soc_high']:.0f} %)",
-            *chances,
+            *_chances(plan),
         )
-        for way, chances in zip(journey.to_frame().to_dict("records"), words, strict=True)
+        for way, plan in zip(journey.to_frame().to_dict("records"), journey.ways, strict=True)
     ]
     with_reserve = f"{100.0 * journey.reserve:g} % or more"
     columns = ("way", "length", "time", "stops", "energy", "arrival with", "arrives", with_reserve)
@@ -171,6 +165,12 @@ def _show(journey: tw.Journey) -> None:
         if abs(wh) >= 1.0:
             say(f"{COSTS[name]}: {kwh(wh)}")
     print_notes([*journey.forecast.flags, *journey.flags, journey.attribution])
+
+
+def _chances(plan: ChargingPlan) -> tuple[str, ...]:
+    if plan.stops:
+        return chance(plan.p_arrive), chance(plan.p_reserve)
+    return tuple(chance_to_arrive(plan.legs[0].forecast, least) for least in (0.0, plan.reserve))
 
 
 def build(
