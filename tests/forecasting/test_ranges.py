@@ -121,6 +121,7 @@ def test_a_training_trip_has_nothing_outside_and_a_longer_one_its_distance():
     shorter = ranges | {"duration_s": replace(seen, high=seen.high - 2.0 * seen.sd)}
     (flag,) = compare(one, shorter, car, departure)[0]
     assert (flag.subject, flag.value) == ("duration_s", pytest.approx(2.0))
+    assert flag.seen == (seen.low, seen.high - 2.0 * seen.sd)
 
 
 def test_the_last_digit_is_the_same_in_each_process():

@@ -136,10 +136,10 @@ describe("flags", () => {
       flag("outside_training", "payload_mass_kg", 0.3, "sd"),
     ];
     assert.deepEqual(sentencesOf(flags), [
-      "The outside temperature and the load are far outside the range of the measured trips. The forecast is therefore less certain.",
+      "The outside temperature and the load are far outside the range of the measured trips. How far the forecast errs there is not known.",
     ]);
     assert.deepEqual(sentencesOf(flags.slice(0, 1), "de"), [
-      "Die Außentemperatur liegt weit außerhalb des Bereichs der gemessenen Fahrten. Die Prognose ist deshalb unsicherer.",
+      "Die Außentemperatur liegt weit außerhalb des Bereichs der gemessenen Fahrten. Wie groß der Fehler der Prognose dort ist, ist nicht bekannt.",
     ]);
     assert.equal(warningsOf(flags, wording("en"))[0]?.serious, true);
     assert.equal(warningsOf(flags.slice(1), wording("en"))[0]?.serious, false);

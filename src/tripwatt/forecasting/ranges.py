@@ -164,8 +164,11 @@ def compare(
         "cabin_setpoint_degc": cabin.setpoint_degc,
         "battery_temperature_degc": conditions.battery_start_degc,
     }
-    outside = {name: float(ranges[name].beyond(value)) for name, value in known.items() if name in ranges}
-    flags = [Flag("outside_training", name, beyond, "sd") for name, beyond in outside.items() if beyond > 0.0]
+    flags = [
+        Flag("outside_training", name, float(beyond), "sd", (seen.low, seen.high))
+        for name, value in known.items()
+        if (seen := ranges.get(name, NEVER_KNOWN)) and (beyond := seen.beyond(value)) > 0.0
+    ]
     # the corrector does not use a temperature that no training trip has
     used = (name for name in TEMPERATURES if np.isfinite(ranges[name].low))
     unknown = {name: assumed[name] for name in used if not np.isfinite(known[name])}

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 
 @dataclass(frozen=True, slots=True)
@@ -19,6 +19,8 @@ class Flag:
         Value that was read or assumed, in `unit`.
     unit : str
         As in the names of the project's columns: "m_s", "degc", "s"; "1" for a share or a count.
+    seen : tuple of float, optional
+        Lowest and highest value of the subject in the training trips, in the unit of its name. Only the sentence has them.
 
     Examples
     --------
@@ -30,3 +32,4 @@ class Flag:
     subject: str
     value: float | str | None = None
     unit: str = ""
+    seen: tuple[float, float] | None = field(default=None, repr=False)

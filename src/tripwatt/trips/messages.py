@@ -12,7 +12,7 @@ from typing import Any, Final
 from tripwatt.files import shipped_toml
 from tripwatt.trips.departure import ASKED
 from tripwatt.trips.flags import Flag
-from tripwatt.trips.showing import in_kwh, period
+from tripwatt.trips.showing import in_kwh, period, span
 from tripwatt.units import M_S_PER_KM_H
 
 
@@ -66,6 +66,7 @@ FORMS: Final[Mapping[str, Callable[[Flag], str]]] = {
     "speed": lambda f: f"{_number(f) / M_S_PER_KM_H:.0f} km/h",
     "kwh": lambda f: f"{in_kwh(_number(f))} kWh",
     "span": lambda f: period(_number(f)),
+    "seen": lambda f: f", {span(f.subject, *f.seen)}" if f.seen else "",
 }
 """Placeholder in the words of a flag -> function that fills it. The web page has its own, in the units of the reader."""
 
@@ -103,8 +104,8 @@ def message(flag: Flag) -> str:
     --------
     >>> message(Flag("speed_assumed", "track", 50.0 / 3.6, "m_s"))
     '50 km/h is assumed where the track has no speed'
-    >>> message(Flag("outside_training", "duration_s", 2.4, "sd"))
-    'duration is far outside the range of the training trips: the interval is wider'
+    >>> message(Flag("outside_training", "duration_s", 2.4, "sd", (300.0, 3200.0)))
+    'duration is far outside the range of the training trips, 5 min to 53 min: the error there is not known from trips'
     >>> message(Flag("new", "road", 3.0, "m"))
     'new: road 3.0 m'
     """
