@@ -37,6 +37,27 @@ def test_adding_trips_without_heights_says_what_these_would_bring(run: Run, tmp_
     assert trip.array("elevation_m") == pytest.approx(np.full(len(trip.samples), 500.0))
 
 
+def test_what_is_left_out_is_named_once_with_its_reason(run: Run, tmp_path: Path) -> None:
+    logs = tmp_path / "logs"
+    logs.mkdir()
+    samples = synthetic_fleet(1).logs[0].samples
+    samples.to_csv(logs / "drive.csv", index=False)
+    for name in ("short", "stop"):
+        samples[:30].assign(speed_m_s=len(name)).to_csv(logs / f"{name}.csv", index=False)
+    for name in ("one", "two"):
+        (logs / f"{name}.csv").write_text("a,b\n1,2\n3,4\n")
+    added = run("car", "add", create_car(tmp_path / "car", VEHICLE).folder, logs)
+    assert "trips added: 3, 1 of them in the diary; known: 0; left out: 2" in added.out
+    notes = [line for line in added.err.splitlines() if line.startswith("note: left out: ")]
+    assert [note.split(";")[0].split(":")[2].strip() for note in notes] == [
+        "one.csv, two.csv",
+        "short",
+        "stop",
+    ]
+    assert "missing key" in notes[0]
+    assert added.err.count("shorter than 1000 m") == 2
+
+
 def test_a_folder_without_tiles_is_refused(run: Run, tmp_path: Path) -> None:
     car = create_car(tmp_path / "car", VEHICLE)
     refused = run("car", "add", car.folder, tmp_path, "--elevation", tmp_path)

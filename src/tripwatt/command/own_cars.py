@@ -206,15 +206,12 @@ def forget(car: CarArgument) -> Answer:
 
 
 def _done(car: Path, own: Car, done: Learned) -> Answer:
-    from tripwatt.trips.reading import group_by_kind  # pandas is slow to import
-
     about = own.about()
 
     def shown() -> None:
-        say(f"{car}: trips added: {done.added}, {done.entries} of them in the diary; known: {done.known}")
-        reasons = (why.partition(": ") for why in done.left_out)
-        groups = group_by_kind((why, trip, 1, f"{trip}: {why}") for trip, _, why in reasons)
-        print_notes(f"left out: {group}" for group in groups)
+        counts = f"trips added: {done.added}, {done.entries} of them in the diary; known: {done.known}"
+        say(f"{car}: {counts}; left out: {len(done.left_out)}")
+        print_notes(f"left out: {why}" for why in done.left_out[: shared.MAX_NAMES])
         if done.flat:
             say(
                 f"{done.flat} of {done.entries} new trips have no heights. Heights narrow the forecasts most: switch on the altitude "

@@ -102,7 +102,7 @@ def grouped(flags: Iterable[Flag]) -> list[str]:
 
 
 def print_reading(fleet: TripSet, result: Audit) -> None:
-    """Print on standard error what was read and what was left out, one line for each kind."""
+    """Print on standard error what was read, how much the audit left out, and which files were left out or read in part."""
     report = fleet.report
     if report is not None and report.files:
         say(f"{report}", err=True)
@@ -113,9 +113,7 @@ def print_reading(fleet: TripSet, result: Audit) -> None:
     used = amount(sum(t.distance_m for t in result.trips), sum(t.duration_s for t in result.trips))
     lost = amount(result.lost_distance_m, result.lost_duration_s)
     say(f"{counted(len(result.trips), 'trip')} used, with {used}; left out: {lost}", err=True)
-    kinds = [] if report is None else [*report.groups()]
-    kinds += [group for consequence, group in result.groups() if consequence == "set aside"]
-    lines = [*map(str, kinds), *grouped(fleet.notes)]
+    lines = [*(report.notes() if report else ()), *grouped(fleet.notes)]
     rest = len(lines) - MAX_GROUPS
     further = [f"{rest} more kinds (`tripwatt audit DATA --json` lists all)"] if rest > 0 else []
     print_notes([*lines[:MAX_GROUPS], *further])

@@ -8,7 +8,10 @@ from dataclasses import dataclass
 from typing import Final, Literal
 
 from tripwatt.arrays import by_key
-from tripwatt.errors import Fault, counted
+from tripwatt.errors import Fault, and_more, counted
+
+MAX_NAMES: Final = 20
+"""Largest number of files that a sentence names."""
 
 _FIGURES: Final = re.compile(r"[-+]?\d[\d.,:]*")
 
@@ -67,16 +70,9 @@ def group_by_kind(things: Iterable[tuple[str, str, int, str]]) -> tuple[Group, .
     >>> [(a.what, a.count) for a in group_by_kind([("3 gaps", "A", 1, "A: 3 gaps"), ("5 gaps", "B", 1, "B: 5 gaps")])]
     [('3 gaps', 2)]
     """
-    groups = by_key(things, lambda thing: _FIGURES.sub("#", thing[0]))
-    kinds = [
-        Group(
-            members[0][0],
-            sum(n for _, _, n, _ in members),
-            len({place for _, place, _, _ in members}),
-            members[0][3],
-        )
-        for members in groups.values()
-    ]
+    groups = by_key(things, lambda thing: _FIGURES.sub("#", thing[0])).values()
+    columns = ((*zip(*members, strict=True),) for members in groups)
+    kinds = (Group(what[0], sum(n), len({*place}), text[0]) for what, place, n, text in columns)
     return tuple(sorted(kinds, key=lambda group: -group.count))
 
 
@@ -135,6 +131,8 @@ class ReadingReport:
     2 files: 1 read, 1 left out; 9 of 10 rows are used
     >>> report.groups()[0].what
     'empty file'
+    >>> report.notes()
+    ['left out: b.csv; empty file: b.csv: got 0 bytes; allowed: a header and rows']
     """
 
     files: tuple[FileReading, ...]
@@ -142,6 +140,18 @@ class ReadingReport:
     def groups(self) -> tuple[Group, ...]:
         """Group the faults of all files by kind."""
         return group_by_kind((f.what, file.name, f.count, f"{f}") for file in self.files for f in file.faults)
+
+    def notes(self) -> list[str]:
+        """Sentences on the files that were left out, by name and with their first fault, then on the faults of the others by kind."""
+        read = ReadingReport(tuple(file for file in self.files if file.logs))
+        left_out = (file for file in self.files if not file.logs)
+        lines = []
+        for files in by_key(left_out, lambda file: file.faults and file.faults[0].what).values():
+            names = ", ".join(file.name for file in files[:MAX_NAMES]) + and_more(
+                files[MAX_NAMES - 1 :], "file"
+            )
+            lines.append("; ".join([f"left out: {names}", *map(str, files[0].faults[:1])]))
+        return [*lines, *map(str, read.groups())]
 
     @property
     def faults(self) -> Sequence[Fault]:
