@@ -157,14 +157,10 @@ def spread(command: Callable[..., Any]) -> Callable[..., None]:
     >>> spread(audit)(data="logs")
     no findings in logs
     """
-    groups: dict[str, Options] = {}
-    parameters: list[inspect.Parameter] = []
-    for parameter in _parameters(command):
-        options = Options.of(parameter.annotation)
-        parameters += [parameter] if options is None else options.parameters
-        if options is not None:
-            groups[parameter.name] = options
+    own = _parameters(command)
+    groups = {p.name: options for p in own if (options := Options.of(p.annotation))}
     answers = typing.get_type_hints(command).get("return") is Answer
+    parameters = [option for p in own for option in (groups[p.name].parameters if p.name in groups else [p])]
     parameters += [AS_JSON] * answers
 
     @functools.wraps(command)
