@@ -81,6 +81,12 @@ def test_what_was_measured_moves_the_forecast(
     assert "before departure" in answer.err
 
 
+def test_the_folder_of_a_car_belongs_before_the_trip(run: Run, trip: Path, tmp_path: Path) -> None:
+    for command in ("forecast", "advise"):
+        refused = run(command, "--car", tmp_path, trip)
+        assert (refused.code, f"give the folder before the trip: {tmp_path} TRIP" in refused.err) == (2, True)
+
+
 def test_unknown_charge_is_said(run: Run, table: pd.DataFrame, tmp_path: Path) -> None:
     table[["time_s", "speed_m_s"]].to_csv(tmp_path / "bare.csv", index=False)
     flags = json.loads(run("forecast", tmp_path / "bare.csv", "--json").out)["flags"]

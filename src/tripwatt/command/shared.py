@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Final
 import tripwatt as tw
 from tripwatt import trips
 from tripwatt.command.options import argument, assignments, flag, option, require_effect
-from tripwatt.errors import Check, Fault, InvalidInput, and_more, places_named
+from tripwatt.errors import Check, Fault, InvalidInput, and_more, or_none, places_named
 from tripwatt.trips.departure import ASKED
 
 if TYPE_CHECKING:
@@ -178,8 +178,16 @@ def options_named(**more: str) -> AbstractContextManager[None]:
 
 def checked(check: Check, car: str | None, departure: Callable[[], Any], model: Path | None) -> Any:
     """Return a car, a departure and a model; the bundled model, which has no fault, only if the checks have found none."""
-    vehicle, known = car and check(tw.load_vehicle, car), check(departure)
+    vehicle, known = car and check(_car_of, car), check(departure)
     return vehicle, known, None if model is None and check.failed else check(_model_of, model)
+
+
+def _car_of(name: str) -> Vehicle:
+    """Load the car of --car; a folder is no car, and the refusal says where it belongs."""
+    if Path(name).is_dir() and or_none(tw.load_vehicle, name) is None:
+        fix = f"give the folder before the trip: {name} TRIP"
+        raise InvalidInput.of("a folder as car", "--car", name, "a name, or a TOML file", fix)
+    return tw.load_vehicle(name)
 
 
 def _model_of(folder: Path | None) -> tw.ForecastModel:
