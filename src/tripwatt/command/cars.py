@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
 from functools import partial
@@ -17,9 +16,9 @@ from tripwatt.command import shared
 from tripwatt.command.departing import DepartureOf, departure_options
 from tripwatt.command.options import Answer, argument, assignments, flag, option, require_effect
 from tripwatt.command.output import write_text
-from tripwatt.command.printing import console, print_json, print_notes, print_table, say
+from tripwatt.command.printing import print_json, print_notes, print_table, say
 from tripwatt.command.sentences import by_cause
-from tripwatt.errors import Check, InvalidInput, places_named, printable, raise_faults
+from tripwatt.errors import Check, InvalidInput, places_named, raise_faults
 from tripwatt.trips.messages import flag_to_dict
 from tripwatt.trips.showing import journey
 
@@ -115,8 +114,6 @@ def _new(given: dict[str, Any], out: Path | None) -> Answer:
 
 
 def _describe(name: str, overrides: list[str]) -> Answer:
-    from rich.padding import Padding
-
     from tripwatt.vehicles import describe_vehicle
 
     given = assignments(overrides, "--set")
@@ -129,8 +126,7 @@ def _describe(name: str, overrides: list[str]) -> Answer:
         say(f"{car.title} ({car.name})")
         for key, value, unit, source, licence in rows:
             say(f"{key} = {value} {'' if unit == '1' else unit}".rstrip())
-            described = printable(f"{source} (licence: {licence})")
-            console(sys.stdout).print(Padding(described, (0, 0, 0, 4), expand=False))
+            say(f"    {source} (licence: {licence})")
 
     return Answer({"name": car.name, "title": car.title, "entries": entries}, shown)
 
