@@ -18,9 +18,7 @@ if TYPE_CHECKING:
     from tripwatt.roads.journey import AtlasSettings
     from tripwatt.vehicles import Vehicle
 
-Data = Annotated[
-    Path | None, argument("DATA", "Folder or file of logged trips. Default: the sample of real trips.")
-]
+Data = Annotated[Path | None, argument("DATA", "Logged trips: folder or file. Default: real examples.")]
 FORMATS: Final = "Format of DATA: tum, ved or table. Default: table for a file or with --mapping, else tum. Without DATA: tum, ved or synthetic trips."
 Dataset = Annotated[str | None, option("NAME", FORMATS, "--dataset")]
 COLUMNS: Final = "Columns and units of a table: a TOML file, or a name from `tripwatt mapping list`."
@@ -29,9 +27,7 @@ STRICT: Final = "Refuse DATA that has faults, and list all of them. Default: lea
 Strict = Annotated[bool, flag("--strict", STRICT)]
 LOGGED: Final = "The car that was driven. Default: the car of the data set; for a table, the BMW i3."
 LoggedCar = Annotated[str | None, option("NAME|FILE.toml", LOGGED, "--car")]
-SET: Final = (
-    "Replace a value of the car, such as mass=1300; `tripwatt vehicles NAME` lists the keys. Repeatable."
-)
+SET: Final = "Replace a value of the car: mass=1300; `tripwatt vehicles NAME` lists the keys. Repeatable."
 Overrides = Annotated[list[str] | None, option("KEY=VALUE", SET, "--set")]
 TripId = Annotated[str | None, option("ID", "Trip to use if DATA contains several.", "--trip")]
 ANOTHER: Final = "Another car: a name from `tripwatt vehicles`, or a TOML file. The interval is wider."
@@ -46,10 +42,8 @@ TextFile = Annotated[Path | None, option("FILE", "Write to this file instead of 
 OutFolder = Annotated[Path, option("FOLDER", "Folder to write.", "--out", "-o")]
 OutFile = Annotated[Path, option("FILE", "File to write.", "--out", "-o")]
 Texts = list[str] | None
-Tiles = Annotated[
-    Path | None,
-    option("FOLDER", "Elevation tiles: SRTM (N47E009.hgt, also .gz or .zip) or GeoTIFF.", "--elevation"),
-]
+TILES: Final = "Elevation tiles: SRTM (N47E009.hgt, also .gz or .zip) or GeoTIFF."
+Tiles = Annotated[Path | None, option("FOLDER", TILES, "--elevation")]
 ROADS: Final = (
     "Folder of a map (see `tripwatt map build`), or a router's server: valhalla=URL, osrm=URL, graphhopper=URL or "
     "openrouteservice=URL. FOLDER@KIND=URL takes places from a map and roads from a server. Default: TRIPWATT_MAP."
@@ -58,9 +52,7 @@ Map = Annotated[str, option("FOLDER|KIND=URL", ROADS, "--map", envvar="TRIPWATT_
 PLACES: Final = "Server that finds places: photon=URL or nominatim=URL. Default: the index of the map."
 Places = Annotated[str, option("KIND=URL", PLACES, "--places")]
 WEATHER: Final = "Weather server with the interface of Open-Meteo. Default: no server is asked."
-STATIONS: Final = (
-    "Charging stations as CSV: latitude_deg, longitude_deg, power_kw, name. Default: those of the map."
-)
+STATIONS: Final = "Charging stations, CSV: latitude_deg, longitude_deg, power_kw, name. Default: the map's."
 
 CARS: Final[Mapping[str, str]] = {"synthetic": "bmw_i3_60ah", "tum": "bmw_i3_60ah", "ved": "nissan_leaf_24"}
 """Data set -> name of the car that was driven."""
