@@ -87,6 +87,25 @@ def test_the_folder_of_a_car_belongs_before_the_trip(run: Run, trip: Path, tmp_p
         assert (refused.code, f"give the folder before the trip: {tmp_path} TRIP" in refused.err) == (2, True)
 
 
+def test_the_file_of_a_logger_is_read_as_simulate_reads_it(
+    run: Run, trip: Path, table: pd.DataFrame, tmp_path: Path
+) -> None:
+    names = {"time_s": "Time (s)", "speed_m_s": "Speed (km/h)", "soc": "SOC (%)", "elevation_m": "Height (m)"}
+    names |= {"voltage_v": "Pack V", "current_a": "Pack A"}
+    drive = table[[*names]].assign(speed_m_s=3.6 * table["speed_m_s"], soc=100.0 * table["soc"])
+    drive.rename(columns=names).to_csv(tmp_path / "logger.csv", index=False)
+    table[[*names]].to_csv(tmp_path / "ours.csv", index=False)
+    raw, ours = (
+        json.loads(run("forecast", tmp_path / f"{name}.csv", "--json").out) for name in ("logger", "ours")
+    )
+    assert raw["energy_wh"] == pytest.approx(ours["energy_wh"], rel=1e-9)
+    assert raw["series"]["displayed_soc"] == pytest.approx(ours["series"]["displayed_soc"])
+    assert [flag["code"] for flag in raw["flags"]] == [flag["code"] for flag in ours["flags"]]
+    assert run("advise", tmp_path / "logger.csv").code == 0
+    drive[["speed_m_s", "soc"]].to_csv(tmp_path / "untimed.csv", index=False)
+    assert "missing column" in run("forecast", tmp_path / "untimed.csv").err
+
+
 def test_unknown_charge_is_said(run: Run, table: pd.DataFrame, tmp_path: Path) -> None:
     table[["time_s", "speed_m_s"]].to_csv(tmp_path / "bare.csv", index=False)
     flags = json.loads(run("forecast", tmp_path / "bare.csv", "--json").out)["flags"]

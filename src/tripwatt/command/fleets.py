@@ -10,7 +10,6 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-import tripwatt as tw
 from tripwatt.command import shared
 from tripwatt.command.departing import DepartingNow, time_of
 from tripwatt.command.forecast import show_arrival
@@ -218,7 +217,7 @@ def forecast(
       tripwatt fleet forecast models trip.csv --vehicle-id V17 --soc 0.8
     """
     model = _registry(registry).load()
-    plan = tw.read_route(trip)
+    plan = shared.read_plan(trip)
     with shared.options_named():
         known = departure()
     expected = model.forecast(plan, known, vehicle_id=vehicle_id, car_model=car_model, driver=driver)

@@ -43,8 +43,8 @@ def forecast(
         argument(
             "[MODEL] TRIP",
             "Folder of a model (default: the bundled model), and a trip: a speed trace or a planned route. "
-            "Speed trace: CSV or Parquet with time_s, speed_m_s, and optionally elevation_m or grade; of other signals the first "
-            "sample counts. Planned route: GPX, KML, GeoJSON, the saved response of OSRM, Valhalla, openrouteservice or "
+            "Speed trace: a logger's file, or CSV or Parquet with time_s, speed_m_s, and optionally elevation_m or grade; of other "
+            "signals the first sample counts. Planned route: GPX, KML, GeoJSON, the saved response of OSRM, Valhalla, openrouteservice or "
             "GraphHopper, or links as CSV or JSON (length_m, speed_m_s or travel_time_s, and optionally grade or "
             "start_elevation_m and end_elevation_m, stop_s, speed_limit_m_s).",
         ),
@@ -92,7 +92,7 @@ def forecast(
     with shared.options_named():
         with Check() as check:
             check(require_fraction, "reserve", reserve)
-            plan = check(tw.read_route, trip, speed_m_s=speed_m_s)
+            plan = check(shared.read_plan, trip, speed_m_s)
             read = partial(read_canonical, required=("time_s",), minimum=2)
             measured = None if observed is None else check(read, observed)
             car, known, fitted = shared.checked(check, vehicle, departure, model)
@@ -192,7 +192,7 @@ def advise(
     model, trip = model_and_trip(paths)
     with shared.options_named():
         with Check() as check:
-            plan = check(tw.read_route, trip)
+            plan = check(shared.read_plan, trip)
             car, known, fitted = shared.checked(check, vehicle, departure, model)
         advice = tw.advise(plan, known, car, fitted, reserve=reserve, probability=probability)
     return Answer(advice.to_dict, partial(_show_advice, advice))

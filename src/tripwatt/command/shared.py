@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Final
 
@@ -160,6 +160,26 @@ def one_trip(candidates: Sequence[tw.Trip], wanted: str | None, why_not: str = "
     got = why_not or wanted or f"{len(candidates)} trips"
     allowed = names + and_more(candidates[MAX_NAMES - 1 :], "trip")
     raise InvalidInput.of("no single trip", "--trip", got, allowed)
+
+
+def read_plan(trip: Path, speed_m_s: float | None = None) -> tw.Plan:
+    """Read the trip of a forecast; the table of a logger with one trip and its energy is read as `tripwatt simulate` reads it.
+
+    Raises
+    ------
+    InvalidInput
+        As `tw.read_route`, also if a table has some of our columns, because a misspelled one is not guessed.
+    """
+    try:
+        return tw.read_route(trip, speed_m_s=speed_m_s)
+    except InvalidInput as error:
+        missing = [f for f in error.faults if f.what == "missing column" and speed_m_s is None]
+        logs = or_none(Logs(trip).read) if len(missing) == len(trips.REQUIRED_COLUMNS) else None
+        if logs is None or len(logs) > 1 or logs.trips[0].observed_energy_wh is None:
+            raise
+    (log,) = logs.trips
+    plan = tw.Plan.from_samples(log.samples[[c for c in trips.COLUMNS if c in log]], log.trip_id)
+    return replace(plan, flags=(*plan.flags, *logs.notes))
 
 
 def options_named(**more: str) -> AbstractContextManager[None]:
