@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Hashable, Mapping
 from dataclasses import asdict
 from functools import partial
 from pathlib import Path
@@ -135,19 +135,22 @@ def _show(about: Mapping[str, Any], table: pd.DataFrame) -> None:
     ]
     print_table("Where the energy went", ("cause", "energy", "share"), spent, numbers=("energy", "share"))
     columns = ("trip", "departure", "distance", "forecast", "90 % interval", "took", "error")
-    listed = [
-        (
-            row["trip_id"],
-            row["started_at"][:16].replace("T", " "),
-            f"{row['distance_m'] / 1000.0:.1f} km",
-            kwh(row["forecast_wh"]),
-            f"{row['low_wh'] / 1000.0:.2f} to {row['high_wh'] / 1000.0:.2f}",
-            kwh(row["energy_wh"]),
-            kwh(row["forecast_wh"] - row["energy_wh"], sign="+"),
-        )
-        for row in table.to_dict("records")
-    ]
+    listed = [_entry(row) for row in table.to_dict("records")]
     print_table(f"Last {counted(len(listed), 'trip')}", columns, listed, numbers=columns[2:])
+
+
+def _entry(row: Mapping[Hashable, Any]) -> tuple[str, ...]:
+    """Write an entry of the diary; its error is the difference of the energies as they are written."""
+    forecast, took = (round(row[name] / 1000.0, 2) for name in ("forecast_wh", "energy_wh"))
+    return (
+        row["trip_id"],
+        row["started_at"][:16].replace("T", " "),
+        f"{row['distance_m'] / 1000.0:.1f} km",
+        f"{forecast:.2f} kWh",
+        f"{row['low_wh'] / 1000.0:.2f} to {row['high_wh'] / 1000.0:.2f}",
+        f"{took:.2f} kWh",
+        f"{forecast - took:+z.2f} kWh",
+    )
 
 
 def list_(folder: Annotated[Path, argument("CARS", "Folder with the folders of cars.")]) -> Answer:

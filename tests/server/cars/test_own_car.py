@@ -244,7 +244,7 @@ def test_the_commands_are_the_library(base: Path, logs: tuple[Log, ...], tmp_pat
     from typer.testing import CliRunner
 
     from tripwatt.command import app
-    from tripwatt.command.own_cars import _seen
+    from tripwatt.command.own_cars import _entry, _seen
 
     def run(*words: object) -> str:
         answer = CliRunner().invoke(app, [str(word) for word in words], catch_exceptions=False)
@@ -271,6 +271,13 @@ def test_the_commands_are_the_library(base: Path, logs: tuple[Log, ...], tmp_pat
         "18 °C",
         "0 to 6 °C",
     )
+    (entry,) = open_car(folder).diary.table.tail(1).to_dict("records")
+    rounded = entry | {
+        "forecast_wh": 475.1,
+        "energy_wh": 594.9,
+    }  # differ by 0.12 kWh, and as shown by 0.11 kWh
+    assert _entry(rounded)[3::3] == ("0.48 kWh", "-0.11 kWh")
+    assert _entry(rounded)[5] == "0.59 kWh"
     said = json.loads(run("forecast", folder, files / f"{logs[0].trip_id}.csv", "--json"))
     own = open_car(folder).model().forecast(tw.read_route(files / f"{logs[0].trip_id}.csv"))
     assert said["energy_wh"] == pytest.approx(own.energy_wh, rel=1e-9)
