@@ -129,10 +129,8 @@ def _show(about: Mapping[str, Any], table: pd.DataFrame) -> None:
     _show_learned(about)
     _show_scores(about)
     total = sum(about["by_cause_wh"].values())
-    spent = [
-        (cause, kwh(energy), share(energy / total if total else None))
-        for cause, energy in by_cause(about["by_cause_wh"]).items()
-    ]
+    causes = by_cause(about["by_cause_wh"]) | {"in all": total}
+    spent = [(cause, kwh(wh), share(wh / total if total else None)) for cause, wh in causes.items()]
     print_table("Where the energy went", ("cause", "energy", "share"), spent, numbers=("energy", "share"))
     columns = ("trip", "departure", "distance", "forecast", "90 % interval", "took", "error")
     listed = [_entry(row) for row in table.to_dict("records")]
@@ -233,6 +231,8 @@ def _show_learned(about: Mapping[str, Any]) -> None:
             f"{share(latest['weighted_error'])} with own trips; width of the 90 % interval {share(published['width'])} and "
             f"{share(latest['width'])} of the energy, {share(latest['needed_width'])} would have been enough."
         )
+        if (latest["weighted_error"] or 0.0) > (published["weighted_error"] or 0.0):
+            say("What was learned did not help on these trips.")
     rows = [
         (_in_words(name), change(value, "change"), change(value, "sd", sign=""), _seen(value["seen_degc"]))
         for name, value in about["learned"].items()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import datetime as dt
 import json
+import re
 import shutil
 from dataclasses import replace
 from pathlib import Path
@@ -240,11 +241,13 @@ def test_what_is_no_car_is_refused_and_files_of_others_stay(
     refuses("not a car", forget_car, car.folder)
 
 
-def test_the_commands_are_the_library(base: Path, logs: tuple[Log, ...], tmp_path: Path) -> None:
+def test_the_commands_are_the_library(
+    base: Path, logs: tuple[Log, ...], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     from typer.testing import CliRunner
 
     from tripwatt.command import app
-    from tripwatt.command.own_cars import _entry, _seen
+    from tripwatt.command.own_cars import _entry, _seen, _show_learned
 
     def run(*words: object) -> str:
         answer = CliRunner().invoke(app, [str(word) for word in words], catch_exceptions=False)
@@ -271,6 +274,11 @@ def test_the_commands_are_the_library(base: Path, logs: tuple[Log, ...], tmp_pat
         "18 °C",
         "0 to 6 °C",
     )
+    assert re.search(r"in all +\d+\.\d\d kWh +100\.0%", plain)
+    for error, said in ((0.2, True), (0.1, False)):
+        scores = {name: shown[name] | {"weighted_error": 0.1} for name in ("latest", "latest_by_book")}
+        _show_learned(shown | scores | {"latest": shown["latest"] | {"weighted_error": error}})
+        assert ("What was learned did not help" in capsys.readouterr().out) == said
     (entry,) = open_car(folder).diary.table.tail(1).to_dict("records")
     rounded = entry | {
         "forecast_wh": 475.1,
