@@ -233,10 +233,7 @@ def _show_learned(about: Mapping[str, Any]) -> None:
         )
         if (latest["weighted_error"] or 0.0) > (published["weighted_error"] or 0.0):
             say("What was learned did not help on these trips.")
-    rows = [
-        (_in_words(name), change(value, "change"), change(value, "sd", sign=""), _seen(value["seen_degc"]))
-        for name, value in about["learned"].items()
-    ]
+    rows = [(_in_words(name), *_learned(value)) for name, value in about["learned"].items()]
     if rows:
         columns = ("what", "change", "uncertainty (sd)", "seen at")
         print_table(f"Learned from {counted(about['in_diary'], 'trip')}", columns, rows, numbers=columns[1:3])
@@ -267,9 +264,12 @@ def _in_words(factor: str) -> str:
     return WORDS.get(factor, factor.replace("_", " "))
 
 
-def _seen(degc: tuple[float, float] | None) -> str:
-    """Write the range of outside temperatures at which trips show a factor."""
-    return f"{' to '.join(dict.fromkeys(f'{d:z.0f}' for d in degc))} °C" if degc else "not measurable yet"
+def _learned(value: Mapping[str, Any]) -> tuple[str, str, str]:
+    """Write the change of a factor, its uncertainty and the outside temperatures at which trips show it; no number if none does."""
+    if not value["seen_degc"]:
+        return "–", "–", "not measurable yet"
+    degc = dict.fromkeys(f"{d:z.0f}" for d in value["seen_degc"])
+    return change(value, "change"), change(value, "sd", sign=""), f"{' to '.join(degc)} °C"
 
 
 CAR = make_group(

@@ -247,7 +247,7 @@ def test_the_commands_are_the_library(
     from typer.testing import CliRunner
 
     from tripwatt.command import app
-    from tripwatt.command.own_cars import _entry, _seen, _show_learned
+    from tripwatt.command.own_cars import _entry, _learned, _show_learned
 
     def run(*words: object) -> str:
         answer = CliRunner().invoke(app, [str(word) for word in words], catch_exceptions=False)
@@ -269,11 +269,12 @@ def test_the_commands_are_the_library(
     plain = run("car", "show", folder, "--trips", 1)
     assert "Last 1 trip\n" in plain
     assert "Where the energy went" in plain
-    assert (_seen(None), _seen((17.8, 18.3)), _seen((-0.4, 6.0))) == (
-        "not measurable yet",
-        "18 °C",
-        "0 to 6 °C",
-    )
+    seen = (None, (17.8, 18.3), (-0.4, 6.0))
+    assert [_learned({"change": 0.05, "sd": 0.1, "unit": "1", "seen_degc": degc}) for degc in seen] == [
+        ("–", "–", "not measurable yet"),
+        ("+5.0%", "10.0%", "18 °C"),
+        ("+5.0%", "10.0%", "0 to 6 °C"),
+    ]
     assert re.search(r"in all +\d+\.\d\d kWh +100\.0%", plain)
     for error, said in ((0.2, True), (0.1, False)):
         scores = {name: shown[name] | {"weighted_error": 0.1} for name in ("latest", "latest_by_book")}
