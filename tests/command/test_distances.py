@@ -73,6 +73,7 @@ def test_tables_have_units_and_every_kind_of_road(run: Run) -> None:
     assert "Shares of the uncertainty: car " in table
     far = run("range", "--soc", 0.5, "--ambient", 10).out
     assert all(kind in far for kind in ("city", "country", "motorway", "mixed"))
+    assert ("--kind" in table, "--kind" in far) == (True, False)  # a range already has every kind
 
 
 def test_a_usual_trip_of_my_car(run: Run, tmp_path: Path) -> None:

@@ -140,7 +140,8 @@ def _show_doubt(result: tw.Need | tw.Range) -> None:
     """Say which causes contribute to the interval, and what information would narrow it most; then the notes."""
     doubt = result.doubt
     shares = ", ".join(f"{name} {getattr(doubt, name):.0%}" for name in ("car", "road", "weather", "day"))
-    narrows = _NARROWS.get(doubt.narrows or "")
+    answered = isinstance(result, tw.Range) and doubt.narrows == "kind"  # the table has every kind
+    narrows = "" if answered else _NARROWS.get(doubt.narrows or "")
     most = f" {narrows} would narrow it most, by up to {doubt.narrower:.0%}." if narrows else ""
     say(f"Shares of the uncertainty: {shares}.{most}")
     print_few_notes(result.flags)
