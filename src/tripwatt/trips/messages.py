@@ -131,7 +131,7 @@ def leave_in_words(soc: float, reserve: float, probability: float) -> str:
     >>> leave_in_words(0.4412, 0.1, 0.95)
     '45 % is enough to arrive with 10 % left in 19 of 20 trips.'
     >>> leave_in_words(1.112, 0.1, 0.9)
-    'A full battery is not enough to arrive with 10 % left in 9 of 10 trips: you need 12 % more.'
+    'A full battery is not enough to arrive with 10 % left in 9 of 10 trips: it takes 112 % of one.'
     >>> leave_in_words(3.96, 0.1, 0.9)
     'A full battery is not enough to arrive with 10 % left in 9 of 10 trips: it takes 4.0 full batteries.'
     >>> leave_in_words(0.0, 0.0, 0.5)
@@ -144,8 +144,8 @@ def leave_in_words(soc: float, reserve: float, probability: float) -> str:
     aim = f"to arrive{reserve_text} in {fraction.numerator} of {fraction.denominator} trips"
     percent = math.ceil(100.0 * (soc - 1.0 if soc > 1.0 else soc) - 1e-6)
     if soc > 1.0:
-        needed = f"you need {percent} % more" if soc < 2.0 else f"it takes {soc:.1f} full batteries"
-        return f"A full battery is not enough {aim}: {needed}."
+        needed = f"{100 + percent} % of one" if soc < 2.0 else f"{soc:.1f} full batteries"
+        return f"A full battery is not enough {aim}: it takes {needed}."
     return f"{percent} % is enough {aim}." if soc > 0.0 else f"Any charge is enough {aim}."
 
 
