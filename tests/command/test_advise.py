@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 from pathlib import Path
 
 import pytest
@@ -35,7 +36,8 @@ def test_advice_has_the_numbers_of_python(run: Run, route: Path) -> None:
 
 def test_the_table_has_units_and_words(run: Run, route: Path) -> None:
     shown = run("advise", route, *OPTIONS).out
-    assert "You arrive with" in shown
+    assert re.search(r"Leaving with 50 % you arrive with \d+ % \(\d+ to \d+ %\)\.\n", shown)
+    assert "The probability to arrive with 10 % or more is " in shown
     assert "take off the roof box" in shown
     assert "saves kWh" in shown
     empty = run("advise", route, "--soc", 0.05, "--ambient", -5)
@@ -44,6 +46,8 @@ def test_the_table_has_units_and_words(run: Run, route: Path) -> None:
         True,
     )  # as the page of the command line says
     assert "more than is in the battery" in empty.err
+    assert "Leaving with 5 % the battery is empty after " in empty.out
+    assert "arrive with 0 %" not in empty.out
     assert "What saves energy" not in empty.out  # nothing helps on the way: no table without rows
     assert "faster overall if you charge below kW" in " ".join(shown.split())
     assert "km/h at most" in shown

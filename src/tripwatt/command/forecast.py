@@ -199,8 +199,7 @@ def advise(
 
 
 def _show_advice(advice: tw.Advice) -> None:
-    wanted = f"{100.0 * advice.reserve:.0f} % or more is {chance(advice.p_arrive)}"
-    say(f"You arrive with {100.0 * advice.forecast.soc_arrival:.0f} %. The probability of {wanted}.")
+    show_arrival(advice.forecast, advice.forecast.plan.trip_id, advice.reserve)
     leaves = advice.forecast.plan.departure.departs_at
     if advice.p_arrive < advice.probability:
         for advised in advice.least:
