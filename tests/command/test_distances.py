@@ -39,7 +39,7 @@ def test_the_reserve_is_part_of_the_charge_and_few_notes_follow(run: Run) -> Non
     few = printed.err.count("note:") + printed.err.count("warning:")
     assert 1 < few < len(kept["flags"])
     assert f"{len(kept['flags']) - few + 1} more" in printed.err
-    assert "Range from 80% down to 10%" in run("range", "--soc", 0.8, "--reserve", 0.1).out
+    assert "Range from 80 % down to 10 %" in run("range", "--soc", 0.8, "--reserve", 0.1).out
 
 
 @pytest.mark.parametrize("soc", [0.05, 0.1])
@@ -52,7 +52,7 @@ def test_a_charge_that_is_not_above_the_reserve_is_one_sentence(run: Run, soc: f
     answer = json.loads(run(*asked, "--json").out)
     assert {kind["range_m"] for kind in answer["by_kind"]} == {0.0}
     assert (answer["doubt"]["narrows"], answer["doubt"]["narrower"]) == (None, 0.0)
-    assert "Range from 11% down to 10%" in run("range", "--soc", 0.11, "--reserve", 0.1).out
+    assert "Range from 11 % down to 10 %" in run("range", "--soc", 0.11, "--reserve", 0.1).out
 
 
 def test_range_has_the_numbers_of_python(run: Run) -> None:

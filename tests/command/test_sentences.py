@@ -69,7 +69,7 @@ def test_causes_and_changes_have_words() -> None:
     causes = {"air": 2.0, "acceleration": 1.0, "base_load": 3.0, "shortfall": 0.0, "not_forecast": -1.0}
     assert list(by_cause(causes)) == ["air drag", "change of speed", "base load", "not forecast"]
     assert list(by_cause({"shortfall": -1.0})) == ["not delivered"]
-    assert change({"change": -0.0001, "unit": "1"}, "change") == "+0.0%"
+    assert change({"change": -0.0001, "unit": "1"}, "change") == "+0.0 %"
 
 
 def test_a_battery_that_may_not_last_is_told_with_its_probability() -> None:

@@ -14,7 +14,7 @@ from tripwatt.command import shared
 from tripwatt.command.departing import Departing
 from tripwatt.command.options import Answer, argument, option, require_effect
 from tripwatt.command.printing import kwh, print_few_notes, print_table, say
-from tripwatt.command.sentences import begins
+from tripwatt.command.sentences import begins, share
 from tripwatt.errors import InvalidInput
 from tripwatt.trips.showing import period
 
@@ -123,7 +123,7 @@ def _show_range(result: tw.Range) -> None:
         lengths_m = far.range_m, *far.half_m, far.interval_m[0]
         likely, low, high, least = (f"{length / 1000.0:.0f}" for length in lengths_m)
         rows.append((name, f"{likely} km", f"{low} to {high} km", f"{least} km"))
-    title = f"Range from {result.soc:.0%} down to {result.reserve:.0%}"
+    title = f"Range from {share(result.soc, 0)} down to {share(result.reserve, 0)}"
     heads = ("kind of road", "likely", "middle half", "19 of 20 times at least")
     print_table(title, heads, rows, numbers=(heads[1], heads[3]))
     _show_doubt(result)
@@ -139,10 +139,10 @@ _NARROWS: Final = {
 def _show_doubt(result: tw.Need | tw.Range) -> None:
     """Say which causes contribute to the interval, and what information would narrow it most; then the notes."""
     doubt = result.doubt
-    shares = ", ".join(f"{name} {getattr(doubt, name):.0%}" for name in ("car", "road", "weather", "day"))
+    shares = ", ".join(f"{n} {share(getattr(doubt, n), 0)}" for n in ("car", "road", "weather", "day"))
     answered = isinstance(result, tw.Range) and doubt.narrows == "kind"  # the table has every kind
     narrows = "" if answered else _NARROWS.get(doubt.narrows or "")
-    most = f" {narrows} would narrow it most, by up to {doubt.narrower:.0%}." if narrows else ""
+    most = f" {narrows} would narrow it most, by up to {share(doubt.narrower, 0)}." if narrows else ""
     say(f"Shares of the uncertainty: {shares}.{most}")
     print_few_notes(result.flags)
 

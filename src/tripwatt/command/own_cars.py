@@ -245,7 +245,7 @@ def _show_scores(about: Mapping[str, Any]) -> None:
             name,
             f"{score['trips']}",
             share(score["weighted_error"]),
-            "" if score["bias"] is None else f"{score['bias']:+.1%}",
+            "" if score["bias"] is None else share(score["bias"], sign="+"),
             f"{score['inside']}",
             share(score["width"]),
             share(score["needed_width"]),

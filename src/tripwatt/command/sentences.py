@@ -175,15 +175,15 @@ def by_cause(causes: Mapping[str, float]) -> dict[str, float]:
     return {CAUSE_NAMES.get(k, k).replace("_", " "): wh for k, wh in causes.items() if wh or k != "shortfall"}
 
 
-def share(value: float | None) -> str:
+def share(value: float | None, digits: int = 1, sign: str = "") -> str:
     """Format a share in percent; returns "unknown" for None.
 
     Examples
     --------
-    >>> share(0.0774), share(-0.0001), share(None)
-    ('7.7%', '0.0%', 'unknown')
+    >>> share(0.0774), share(-0.0001), share(0.0774, 0, "+"), share(None)
+    ('7.7 %', '0.0 %', '+8 %', 'unknown')
     """
-    return "unknown" if value is None else f"{value:z.1%}"
+    return "unknown" if value is None else f"{100.0 * value:{sign}z.{digits}f} %"
 
 
 def change(value: Mapping[str, Any], key: str, sign: str = "+") -> str:
@@ -192,6 +192,6 @@ def change(value: Mapping[str, Any], key: str, sign: str = "+") -> str:
     Examples
     --------
     >>> change({"change": 0.05, "unit": "1"}, "change"), change({"sd": 0.3, "unit": "kW"}, "sd", sign="")
-    ('+5.0%', '0.30 kW')
+    ('+5.0 %', '0.30 kW')
     """
-    return f"{value[key]:{sign}.2f} kW" if value["unit"] == "kW" else f"{value[key]:{sign}z.1%}"
+    return f"{value[key]:{sign}.2f} kW" if value["unit"] == "kW" else share(value[key], sign=sign)

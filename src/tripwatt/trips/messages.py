@@ -60,7 +60,7 @@ FORMS: Final[Mapping[str, Callable[[Flag], str]]] = {
     "new": lambda f: _changed(f, -1),
     "number": lambda f: f"{_number(f):.0f}",
     "general": lambda f: f"{_number(f):g}",
-    "percent": lambda f: f"{_number(f):.0%}",
+    "percent": lambda f: f"{100.0 * _number(f):.0f} %",
     "points": lambda f: f"{100.0 * _number(f):.1f}",
     "temperature": lambda f: f"{_number(f):.0f} °C",
     "speed": lambda f: f"{_number(f) / M_S_PER_KM_H:.0f} km/h",

@@ -272,10 +272,10 @@ def test_the_commands_are_the_library(
     seen = (None, (17.8, 18.3), (-0.4, 6.0))
     assert [_learned({"change": 0.05, "sd": 0.1, "unit": "1", "seen_degc": degc}) for degc in seen] == [
         ("–", "–", "not measurable yet"),
-        ("+5.0%", "10.0%", "18 °C"),
-        ("+5.0%", "10.0%", "0 to 6 °C"),
+        ("+5.0 %", "10.0 %", "18 °C"),
+        ("+5.0 %", "10.0 %", "0 to 6 °C"),
     ]
-    assert re.search(r"in all +\d+\.\d\d kWh +100\.0%", plain)
+    assert re.search(r"in all +\d+\.\d\d kWh +100\.0 %", plain)
     for error, said in ((0.2, True), (0.1, False)):
         scores = {name: shown[name] | {"weighted_error": 0.1} for name in ("latest", "latest_by_book")}
         _show_learned(shown | scores | {"latest": shown["latest"] | {"weighted_error": error}})
