@@ -28,6 +28,9 @@ MAX_HINTS: Final = 10
 MAX_CHARACTERS: Final = 2000
 """Largest number of characters that a message shows of one text of a fault."""
 
+OTHER_NAMES: Final[Mapping[str, str]] = {"vehicle": "car", "vehicle_figures": "car"}
+"""Name of a field in earlier versions of the service -> its name."""
+
 _SHORT: Final = reprlib.Repr()
 _SHORT.maxlevel = 3
 _SHORT.maxstring = _SHORT.maxother = _SHORT.maxlong = 200
@@ -51,8 +54,10 @@ def did_you_mean(name: object, known: Collection[str]) -> str:
     --------
     >>> did_you_mean("tmie", ["time", "vel"]), did_you_mean("km", ["kind", "distance_km"]), did_you_mean("colour", ["time"])
     ("did you mean 'time'?", "did you mean 'distance_km'?", '')
+    >>> did_you_mean("vehicle", ["car", "model"])
+    "did you mean 'car'?"
     """
-    text = str(name)[:60]
+    text = OTHER_NAMES.get(str(name), str(name))[:60]
     near = difflib.get_close_matches(text, known, n=1) or [one for one in known if f"_{text}_" in f"_{one}_"]
     return f"did you mean {near[0]!r}?" if near else ""
 

@@ -189,6 +189,8 @@ def test_what_is_refused_names_what_is_allowed(service: Service, complete: Servi
 
     assert fault({"soc": 80})["allowed"] == "at most 1"
     assert fault({"climate": "warm"})["allowed"] == "'auto', 'off', 'heat' or 'cool'"
+    for name in ("vehicle", "vehicle_figures"):
+        assert fault({name: "vw_id3"})["fix"] == "did you mean 'car'?"
     vehicle = fault({"car": "zzzz"})
     assert "GET /v1/vehicles" in vehicle["allowed"]
     assert "figures" in vehicle["fix"]
@@ -196,6 +198,8 @@ def test_what_is_refused_names_what_is_allowed(service: Service, complete: Servi
         (unknown,) = service.client.get(path, params={"distance_km": 3, "ambient_temperature": 3} if path == "/v1/need"
                                         else {"ambient_temperature": 3}).json()["faults"]  # fmt: skip
         assert unknown["fix"] == "did you mean 'ambient_temperature_degc'?"
+    (unknown,) = service.client.get("/v1/range", params={"vehicle": "vw_id3"}).json()["faults"]
+    assert unknown["fix"] == "did you mean 'car'?"
     (unknown,) = service.client.get("/v1/need", params={"km": 50}).json()["faults"]
     assert unknown["fix"] == "did you mean 'distance_km'?"
     for path, other in (
