@@ -28,10 +28,8 @@ def evaluate(
     out: shared.OutFolder = Path("out"),
     protocol: Annotated[str, option("NAME", "Comparison: paper, forecast or cars.")] = "paper",
     test: Annotated[Path | None, option("DATA", "Score on these trips; only with forecast.")] = None,
-    models: Annotated[shared.Texts, option("NAME,NAME", "Models. Default: all of the protocol.")] = None,
-    hold_outs: Annotated[
-        shared.Texts, option("NAME,NAME", "Hold-outs. Default: all of the protocol.")
-    ] = None,
+    models: Annotated[shared.Texts, option("NAME,NAME", "Models. Default: all.")] = None,
+    hold_outs: Annotated[shared.Texts, option("NAME,NAME", "Hold-outs. Default: all.")] = None,
     jobs: Annotated[int, option("N", "Number of processes; -1 uses all cores.")] = -1,
     resume: Annotated[bool, flag("--resume", "Continue an interrupted run with its finished folds.")] = False,
 ) -> Answer:

@@ -167,11 +167,7 @@ WORDS: Final[Mapping[str, str]] = {
 
 def advise(
     paths: Annotated[
-        list[Path],
-        argument(
-            "[MODEL] TRIP",
-            "Folder of a model (default: the bundled model), and a trip: a speed trace or a planned route, as for `tripwatt forecast`.",
-        ),
+        list[Path], argument("[MODEL] TRIP", "As for `tripwatt forecast`: a model, and a trip.")
     ],
     departure: Departing,
     vehicle: shared.Car = None,

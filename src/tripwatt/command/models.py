@@ -23,9 +23,7 @@ def fit(
         str, option("NAME", "Statistical model: linear, gp, boosting, forest, ensemble or split.")
     ] = "split",
     published: Annotated[bool, flag("--published", "Keep the published values of the car.")] = False,
-    covariate: Annotated[
-        shared.Texts, option("NAME", "Also use this column of the logs. Repeatable.")
-    ] = None,
+    covariate: Annotated[shared.Texts, option("NAME", "Also use this column of logs. Repeatable.")] = None,
     base: Annotated[Path | None, option("MODEL", "Adapt this model; a few trips are enough.")] = None,
 ) -> Answer:
     """Fit a forecasting model on logged trips and write it as a folder.
