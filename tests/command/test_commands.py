@@ -332,6 +332,10 @@ def test_a_run_that_is_interrupted_resumes_to_the_identical_table(
 
     for fold in kept:
         mark(fold)
+    other = run("evaluate", tables, "--dataset", "table", "--models", "constant", "--out", out, "--resume")
+    assert other.code == 2
+    assert "nothing to resume: --resume: got folds of another run" in other.err
+    assert all(fold.exists() for fold in kept)
     resumed = run(*arguments(out), "--resume", "--json")
     fresh = run(*arguments(tmp_path / "fresh"), "--json")
     assert resumed.code == fresh.code == 0

@@ -19,6 +19,12 @@ from tripwatt.files import folder_lock
 if TYPE_CHECKING:
     from tripwatt.study.evaluation import CarChoice, EvaluationRun
 
+FOLDS = "folds/*/*.fold"
+"""Finished folds of all runs in the folder of unfinished results."""
+
+SAME = "the same trips, options and version of tripwatt"
+"""What a resumed run has to share with the run that was interrupted."""
+
 CARS = "cars"
 """Name of the protocol for several cars, each forecast from the others."""
 
@@ -151,6 +157,11 @@ def _run(
                 nonlocal resume
                 if resume:
                     say(f"--resume: {finished} of {total} folds of this run were finished before", err=True)
+                    if not finished and any(unfinished.glob(FOLDS)):
+                        fix = "repeat that run with --resume; without --resume its folds are lost"
+                        raise InvalidInput.of(
+                            "nothing to resume", "--resume", "folds of another run", SAME, fix
+                        )
                 resume = False
                 advance(finished, total)
 
@@ -164,7 +175,7 @@ def _run(
         fix = "make room and continue with the same command and --resume"
         raise InvalidInput.of("cannot keep the finished folds", "--out", got, fix=fix) from error
     except InvalidInput:
-        if not any(unfinished.glob("folds/*/*.fold")):
+        if not any(unfinished.glob(FOLDS)):
             shutil.rmtree(unfinished, ignore_errors=True)
         raise
 
