@@ -416,6 +416,8 @@ def test_simulate_says_what_the_energy_went_into(run: Callable[..., Answer], tum
     people = run("simulate", tables / "S001.csv")
     assert people.code == 0
     assert "rolling" in people.out
+    assert "with bmw_i3_60ah, no value fitted to trips" in people.out
+    assert "state of charge of the battery management, not as displayed: " in people.out
     assert "--car" in people.err, "a table does not say which car it is"
 
 

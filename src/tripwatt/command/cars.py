@@ -131,14 +131,12 @@ def _describe(name: str, overrides: list[str]) -> Answer:
     return Answer({"name": car.name, "title": car.title, "entries": entries}, shown)
 
 
-def simulate(
-    logs: shared.LogsOfCar,
-    trip: shared.TripId = None,
-) -> Answer:
+def simulate(logs: shared.LogsOfCar, trip: shared.TripId = None) -> Answer:
     """Simulate one logged trip with a car and print the energy by cause beside the measured energy.
 
-    The simulation uses physics only: speed, road, and the state at departure (temperatures, state of charge). The log is
-    used without an audit; run `tripwatt audit` to find its faults.
+    The simulation uses physics only: speed, road, and the state at departure (temperatures, state of charge). Values of the car
+    are those of the library, while `tripwatt forecast` uses fitted ones. The log is used without an audit; run `tripwatt audit`
+    to find its faults.
 
     For example:
 
@@ -190,13 +188,14 @@ def _show_simulation(answer: dict[str, Any]) -> None:
     if answer["observed_energy_wh"] is not None:
         rows.append(row("measured", answer["observed_energy_wh"]))
     columns = ("energy", "Wh", "%", "Wh/km")
-    title = f"{answer['trip']}: {journey(1000.0 * distance, answer['duration_s'])} with {answer['vehicle']}"
+    driven = f"{answer['trip']}: {journey(1000.0 * distance, answer['duration_s'])}"
+    title = f"{driven} with {answer['vehicle']}, no value fitted to trips"
     print_table(title, columns, rows, numbers=columns[1:])
     error_wh = answer["observed_energy_std_wh"]
     if error_wh is not None:
         say(f"measured: from the state of charge, standard error {error_wh:.0f} Wh")
     ends = (f"{100.0 * answer[f'soc_at_{end}']:.1f} % at {end}" for end in ("departure", "arrival"))
-    say(f"state of charge: {', '.join(ends)} (simulated)")
+    say(f"state of charge of the battery management, not as displayed: {', '.join(ends)} (simulated)")
     print_notes(flag["message"] for flag in (*answer["flags"], *answer["notes"]))
 
 
