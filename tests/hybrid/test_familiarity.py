@@ -8,11 +8,13 @@ import pandas as pd
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from sklearn.linear_model import Ridge
 
 from tripwatt.errors import InvalidInput
 from tripwatt.forecasting import ForecastModel
 from tripwatt.hybrid import SegmentTable, power_corrector, segment_trips
 from tripwatt.hybrid.familiarity import FADING, Familiarity, Range
+from tripwatt.hybrid.outside import outside_corrector
 from tripwatt.hybrid.power import PowerCorrector
 from tripwatt.hybrid.stored import new_converter, parts_tree, structured, tree_parts
 from tripwatt.study.synthetic import VEHICLE, synthetic_fleet
@@ -94,9 +96,31 @@ def test_each_covariate_takes_its_part_and_an_unknown_one_none() -> None:
         np.testing.assert_array_equal(corrector.familiarity.share(longer), 1.0)
 
 
-def test_a_forecast_far_outside_is_that_of_the_physics_and_wider() -> None:
+class MeanPower:
+    """A corrector from outside on a table of segments, without an uncertainty of its own."""
+
+    def fit(self, table):
+        self.mean_w = float(np.average(table.residual_w, weights=table.hours))
+
+    def predict(self, table):
+        return np.full(len(table.hours), self.mean_w)
+
+
+@pytest.mark.parametrize("corrector", ["boosting", "forest", "gamm", Ridge(), MeanPower()])
+def test_a_corrector_without_a_prior_is_as_uncertain_far_outside_as_the_simulation_was(corrector) -> None:
+    made = fitted(corrector) if isinstance(corrector, str) else outside_corrector(corrector, 0).fit(TABLE)
+    mean_w = TABLE.totals_wh(TABLE.residual_w) / TABLE.totals_wh(np.ones(len(TABLE.hours)))
+    for distance, share in ((0.0, 0.0), (1.0, np.sqrt(1.0 - np.exp(-1.0))), (8.0, 1.0)):
+        table = at(SEEN.high + distance * SEEN.sd)
+        sd_wh = np.linalg.norm(table.hours @ made.outside_factor(table))
+        lost_wh = np.sqrt(np.mean(mean_w**2)) * table.hours.sum()
+        assert sd_wh == pytest.approx(share * lost_wh, rel=1e-6, abs=1e-9)
+
+
+@pytest.mark.parametrize("corrector", ["linear", "boosting"])
+def test_a_forecast_far_outside_is_that_of_the_physics_and_wider(corrector) -> None:
     warm = sorted(TRIPS, key=lambda trip: trip.departure.ambient_temperature_degc)[-9:]
-    model = ForecastModel(CAR, corrector="linear").fit(warm)
+    model = ForecastModel(CAR, corrector=corrector).fit(warm)
     seen = model.ranges_[AMBIENT]
     assert seen.low - 8.0 * seen.sd > -60.0
     plan = Plan.from_trip(warm[0])

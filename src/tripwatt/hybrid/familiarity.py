@@ -68,6 +68,8 @@ class Familiarity:
     ----------
     ranges : mapping of str to Range
         Training range by name of the covariate.
+    lost_w : float
+        Standard deviation of the residual power where nothing of the correction is left [W].
 
     Raises
     ------
@@ -82,6 +84,7 @@ class Familiarity:
     """
 
     ranges: Mapping[str, Range] = field(default_factory=dict)
+    lost_w: float = 0.0
 
     def __post_init__(self) -> None:
         allowed = "finite, sd above 0"
@@ -115,3 +118,14 @@ class Familiarity:
         columns = float_columns(features)
         squares = (seen.beyond(columns[n]) ** 2 for n, seen in self.ranges.items() if n in columns)
         return np.asarray(np.exp(-0.5 * sum(squares, start=np.zeros(len(next(iter(columns.values())))))))
+
+    def lost_factor(self, features: Table) -> FloatArray:
+        """Factor of the covariance of what is lost of the correction [W], shape (rows, 1): 0 inside the ranges, `lost_w` far outside.
+
+        Examples
+        --------
+        >>> seen = Familiarity({"ambient_temperature_degc": Range(10.0, 20.0, 5.0)}, lost_w=300.0)
+        >>> seen.lost_factor(pd.DataFrame({"ambient_temperature_degc": [15.0, 25.0, 95.0]})).round().ravel().tolist()
+        [0.0, 239.0, 300.0]
+        """
+        return self.lost_w * np.sqrt(1.0 - self.share(features)[:, None] ** 2)

@@ -10,7 +10,7 @@ from typing import Any, Final, Protocol
 from tripwatt.arrays import FloatArray
 from tripwatt.errors import InvalidInput
 from tripwatt.hybrid.covariates import CovariateCorrector
-from tripwatt.hybrid.power import LearnerCorrector, PowerCorrector, Uncertain, summed
+from tripwatt.hybrid.power import LearnerCorrector, PowerCorrector, Uncertain, familiarity_of, summed
 from tripwatt.hybrid.segments import SegmentTable
 from tripwatt.learners.outside import OutsideRegressor, checked
 
@@ -64,6 +64,7 @@ class TableCorrector(PowerCorrector):
         """Fit a copy of the unfitted object."""
         self.model = copy.deepcopy(self.unfitted)
         self.model.fit(table)
+        self.familiarity = familiarity_of(table)
         return self
 
     def clone_tuned(self) -> TableCorrector:
@@ -82,7 +83,7 @@ class TableCorrector(PowerCorrector):
         return power, summed(factor, hours)
 
     def outside_factor(self, table: SegmentTable) -> FloatArray:
-        """Result of the object's own method if it has one; otherwise a factor without columns."""
+        """Result of the object's own method if it has one; otherwise as of any corrector without a prior."""
         own: Any = self._own("outside_factor") or super().outside_factor
         return own(table)  # type: ignore[no-any-return]  # of an object from outside
 

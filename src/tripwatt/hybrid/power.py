@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar, Final, Self
 
@@ -49,6 +49,9 @@ class PowerCorrector:
 
     refit: ClassVar[str] = "fit a new ForecastModel"
     """Advice in the error message of a corrector that cannot be fitted."""
+
+    familiarity: Familiarity = Familiarity()
+    """Training ranges, outside of which the corrector is uncertain."""
 
     def fit(self, table: SegmentTable) -> Self:
         """Fit to the trips of a table.
@@ -131,9 +134,9 @@ class PowerCorrector:
         Returns
         -------
         ndarray, shape (rows, any)
-            Factor `L` [W]; it has no columns if the corrector does not estimate this uncertainty.
+            Factor `L` [W]. A corrector without a prior is as uncertain far outside as the simulation was on the training trips.
         """
-        return np.zeros((len(table.hours), 0))
+        return self.familiarity.lost_factor(table.columns)
 
     def predict_climate(self, table: SegmentTable) -> FloatArray | None:
         """Predict the part of `predict` that is climate control.
@@ -321,6 +324,13 @@ TREE_FEATURES: Final = (
 )
 
 
+def familiarity_of(table: SegmentTable, columns: Collection[str] = FADING) -> Familiarity:
+    """Ranges of the trips of a table, with the root mean square of the residual power over the trips."""
+    mean_w = table.totals_wh(table.residual_w) / np.add.reduceat(table.hours, table.offsets[:-1])
+    seen = Familiarity.from_features(table.features, columns)
+    return replace(seen, lost_w=float(np.sqrt(np.mean(mean_w**2))))
+
+
 class LearnerCorrector(PowerCorrector):
     """A learner in the style of scikit-learn on segment rows, with the trip as the group of its rows."""
 
@@ -332,7 +342,7 @@ class LearnerCorrector(PowerCorrector):
     def fit(self, table: SegmentTable) -> Self:
         """Fit to segment rows, with the trip as the cluster; columns of covariates are further features."""
         self.features = tuple(dict.fromkeys((*self.features, *itertools.chain(*table.added.values()))))
-        self.familiarity = Familiarity.from_features(table.features, self.features)
+        self.familiarity = familiarity_of(table, self.features)
         self.model.fit(self.columns(table), table.residual_w, groups=table.groups)
         return self
 
@@ -420,7 +430,7 @@ class GammCorrector(PowerCorrector):
     def fit(self, table: SegmentTable) -> Self:
         """Fit the GAMM with Gaussian errors by REML."""
         self.medians_, self.added_ = table.features.median(), table.added
-        self.familiarity = Familiarity.from_features(table.features, FADING)
+        self.familiarity = familiarity_of(table)
         with gamm_engine() as engine:
             random = [
                 f' + s(covariate{i}, bs="re")' if len(c) > 1 else f" + covariate{i}"

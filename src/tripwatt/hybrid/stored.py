@@ -238,22 +238,21 @@ def _corrector(values: Mapping[str, Any], converter: Converter) -> PowerCorrecto
 def _outside_values(corrector: PowerCorrector, converter: Converter) -> dict[str, Any]:
     """Values of a corrector around an object from outside; the object itself is not stored."""
     values: dict[str, Any] = {"kind": OUTSIDE, "name": type(fitted_outside(corrector)).__name__}
+    values["familiarity"] = converter.unstructure(corrector.familiarity)
     if isinstance(corrector, LearnerCorrector):
         values["features"] = list(corrector.features)
         values["medians"] = corrector.model.medians_
-        values["familiarity"] = converter.unstructure(corrector.familiarity)
     return values
 
 
 def _awaiting(values: Mapping[str, Any], converter: Converter) -> PowerCorrector:
     """Make a corrector with a placeholder, which `with_outside` replaces by the object from outside."""
-    name = converter.structure(values["name"], str)
-    if "medians" not in values:
-        return TableCorrector(Missing(name))
-    around = OutsideRegressor(Missing(name))
-    around.medians_ = converter.structure(values["medians"], dict[str, float])
-    features = converter.structure(values["features"], tuple[str, ...])
-    corrector = LearnerCorrector(around, features)
+    missing = Missing(converter.structure(values["name"], str))
+    corrector: PowerCorrector = TableCorrector(missing)
+    if "medians" in values:
+        around = OutsideRegressor(missing)
+        around.medians_ = converter.structure(values["medians"], dict[str, float])
+        corrector = LearnerCorrector(around, converter.structure(values["features"], tuple[str, ...]))
     corrector.familiarity = converter.structure(values["familiarity"], Familiarity)
     return corrector
 
@@ -280,7 +279,8 @@ def with_outside(corrector: PowerCorrector, fitted: Corrector | None) -> PowerCo
         allowed = f"a fitted {missing.name}"
         raise InvalidInput.of("model lacks its corrector", "corrector", "none", allowed, fix)
     if isinstance(corrector, TableCorrector):
-        return TableCorrector(fitted)
+        corrector.unfitted = corrector.model = fitted
+        return corrector
     assert isinstance(corrector, LearnerCorrector)
     corrector.model.regressor = corrector.model.regressor_ = fitted
     return corrector
