@@ -19,7 +19,7 @@ from pydantic import BaseModel, create_model
 from typer.testing import CliRunner
 
 import tripwatt as tw
-from tripwatt.command import departing
+from tripwatt.command import shared
 from tripwatt.command.options import spread
 from tripwatt.routes import parse_route
 from tripwatt.server.http.schemas import ForecastRequest, departure_field
@@ -52,17 +52,17 @@ def test_a_new_field_is_one_entry(monkeypatch):
         metavar="0..1",
     )
     table = {**ASKED, "clouds": field}
-    monkeypatch.setattr(departing, "ASKED", table)
+    monkeypatch.setattr(shared, "ASKED", table)
     made = []
-    monkeypatch.setattr(departing, "Departure", lambda **known: made.append(known))
+    monkeypatch.setattr(shared, "Departure", lambda **known: made.append(known))
     app = typer.Typer(rich_markup_mode=None)
 
-    asked_for = departing.departure_options()
+    asked_for = shared.departure_options()
 
     def command(departure) -> None:
         departure()
 
-    command.__annotations__["departure"] = Annotated[departing.DepartureOf, asked_for]
+    command.__annotations__["departure"] = Annotated[shared.DepartureOf, asked_for]
     app.command()(spread(command))
     helped = CliRunner().invoke(app, ["--help"]).output
     assert "--clouds" in helped

@@ -13,7 +13,6 @@ import typer
 import tripwatt as tw
 from tripwatt import trips
 from tripwatt.command import shared
-from tripwatt.command.departing import DepartureOf, departure_options
 from tripwatt.command.options import Answer, argument, assignments, flag, option, require_effect
 from tripwatt.command.output import write_text
 from tripwatt.command.printing import print_json, print_notes, print_table, say
@@ -202,7 +201,9 @@ def _show_simulation(answer: dict[str, Any]) -> None:
 USUAL: Final = {"ambient_temperature_degc": 20.0, "payload_mass_kg": 0.0, "soc": 0.8}
 """Default departure of a curve."""
 
-Asked = Annotated[DepartureOf, departure_options(without=("departs_at", "terrain"), default=USUAL)]
+Asked = Annotated[
+    shared.DepartureOf, shared.departure_options(without=("departs_at", "terrain"), default=USUAL)
+]
 
 
 def export(

@@ -11,7 +11,6 @@ from typing import Annotated, Any, Final
 
 import tripwatt as tw
 from tripwatt.command import shared
-from tripwatt.command.departing import Departing
 from tripwatt.command.options import Answer, argument, option, require_effect
 from tripwatt.command.printing import kwh, print_few_notes, print_table, say
 from tripwatt.command.sentences import begins, share
@@ -40,7 +39,7 @@ class Drive:
 
 
 def need(
-    departure: Departing,
+    departure: shared.Departing,
     drive: Drive,
     distance: Annotated[list[str] | None, argument("DISTANCE [km]", "Kilometres of each trip.")] = None,
     probability: shared.Probability = 0.95,
@@ -96,7 +95,7 @@ def _show_need(result: tw.Need, trips: int, answer: Mapping[str, Any], leaves: d
     _show_doubt(result)
 
 
-def range_(departure: Departing, drive: Drive) -> Answer:
+def range_(departure: shared.Departing, drive: Drive) -> Answer:
     """Forecast how far a charge carries, without a road, by kind of road.
 
     For example:

@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 from tripwatt.command import shared
-from tripwatt.command.departing import DepartingNow, time_of
 from tripwatt.command.forecast import show_arrival
 from tripwatt.command.options import Answer, argument, assignments, flag, make_group, option, require_effect
 from tripwatt.command.output import write_text
@@ -204,7 +203,7 @@ def forecast(
     registry: RegistryFolder,
     trip: Annotated[Path, argument("TRIP", "A route or a speed trace, as for `tripwatt forecast`.")],
     vehicle_id: Annotated[str, option("ID", "The vehicle.")],
-    departure: DepartingNow,
+    departure: shared.DepartingNow,
     car_model: Annotated[str | None, option("NAME", "The car model of a vehicle without trips.")] = None,
     driver: Annotated[str | None, option("NAME", "The driver, if the store has trips of theirs.")] = None,
     reserve: shared.Reserve = 0.1,
@@ -303,7 +302,7 @@ def report(
     from tripwatt.study.report.totals import ReportSettings
 
     now = dt.datetime.now().astimezone()
-    at = now if begins is None else time_of(begins, "--begins")
+    at = now if begins is None else shared.time_of(begins, "--begins")
     versions, folder = _registry(fleet.registry), out or fleet.registry / "report"
     about = {"Price": f"{price:g} €/kWh", "CO₂": f"{co2:g} g/kWh"}
     about |= {"Store": fleet.store, "Written": f"{now:%Y-%m-%d %H:%M}", "Model version": versions.current()}

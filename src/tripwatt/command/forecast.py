@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Annotated, Final
 
 import tripwatt as tw
 from tripwatt.command import shared
-from tripwatt.command.departing import Departing, DepartingNow
 from tripwatt.command.options import Answer, argument, option
 from tripwatt.command.output import write_text
 from tripwatt.command.printing import kwh, print_few_notes, print_notes, print_table, say
@@ -49,7 +48,7 @@ def forecast(
             "start_elevation_m and end_elevation_m, stop_s, speed_limit_m_s).",
         ),
     ],
-    departure: DepartingNow,
+    departure: shared.DepartingNow,
     vehicle: shared.Car = None,
     speed: Annotated[float | None, option("KM/H", "Mean speed of a track without times and speeds.")] = None,
     observed: Annotated[
@@ -169,7 +168,7 @@ def advise(
     paths: Annotated[
         list[Path], argument("[MODEL] TRIP", "As for `tripwatt forecast`: a model, and a trip.")
     ],
-    departure: Departing,
+    departure: shared.Departing,
     vehicle: shared.Car = None,
     reserve: shared.Reserve = 0.1,
     probability: Annotated[float, option("0.5..0.999", "Wanted probability to arrive.", "--chance")] = 0.95,

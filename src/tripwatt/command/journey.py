@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Annotated, Final
 import tripwatt as tw
 from tripwatt import trips
 from tripwatt.command import shared
-from tripwatt.command.departing import Departing
 from tripwatt.command.options import Answer, argument, flag, make_group, option
 from tripwatt.command.printing import kwh, print_notes, print_table, say
 from tripwatt.command.sentences import chance, chance_to_arrive, journey_in_words
@@ -29,7 +28,7 @@ OTHER_ROADS: Final = 2
 
 def plan(
     stops: Annotated[list[str], argument("FROM [VIA...] TO", "Places: names, or latitude and longitude.")],
-    departure: Departing,
+    departure: shared.Departing,
     on_map: shared.OnMap,
     reserve: shared.Reserve = 0.1,
     round_trip: Annotated[bool, flag("--round-trip", "Return to the start.")] = False,
@@ -77,7 +76,7 @@ def plan(
 
 def reach(
     start: Annotated[str, argument("FROM", "A place: a name, or latitude and longitude.")],
-    departure: Departing,
+    departure: shared.Departing,
     map_: shared.Map = "",
     reserve: shared.Reserve = 0.1,
     vehicle: shared.Car = None,
