@@ -29,7 +29,7 @@ from tripwatt.modelfile import read_model, write_model
 from tripwatt.routes import parse_route
 from tripwatt.sources.canonical import canonical_of_text, canonical_samples, read_canonical
 from tripwatt.sources.columnar import open_table
-from tripwatt.sources.tum_overview import read_overview
+from tripwatt.sources.tum import read_overview
 
 
 @pytest.mark.parametrize("name", TARGETS)

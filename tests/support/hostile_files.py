@@ -50,7 +50,7 @@ from tripwatt.server.http.settings import Limits
 from tripwatt.sources.archives import unpack
 from tripwatt.sources.canonical import read_canonical
 from tripwatt.sources.mapping import parse_mapping
-from tripwatt.sources.tum_overview import read_overview
+from tripwatt.sources.tum import read_overview
 from tripwatt.vehicles import load_vehicle
 
 LONGEST_S: Final = 10.0
