@@ -17,9 +17,10 @@ from tripwatt.errors import InvalidInput
 from tripwatt.physics import simulate_trip
 from tripwatt.sources import read_logs
 from tripwatt.sources.canonical import read_canonical
+from tripwatt.sources.columnar import open_table
 from tripwatt.sources.mapping import load_mapping, parse_mapping, shipped_mappings
 from tripwatt.sources.suggest import suggest_mapping
-from tripwatt.sources.table import read_table
+from tripwatt.sources.table import Distances, air_unit_of, distances_of, read_table, speed_unit_of
 from tripwatt.trips import Plan, TripSet
 from tripwatt.trips.messages import message
 from tripwatt.vehicles import load_vehicle
@@ -366,3 +367,38 @@ def test_the_standard_error_of_a_charge_that_stands_still_is_at_most_the_energy(
     sample.to_csv(tmp_path / "drive.csv", index=False)
     notes = read_table(tmp_path / "drive.csv", vehicle=load_vehicle("bmw_i3_60ah")).notes
     assert [note.value for note in notes if note.code == "energy_from_soc"] == [1.0]
+
+
+FACTORS = {"m/s": 1.0, "km/h": 1 / 3.6, "mph": 0.44704}
+
+
+@pytest.mark.parametrize("assumed", FACTORS)
+@pytest.mark.parametrize("true", FACTORS)
+def test_positions_give_the_unit_of_the_speed(tmp_path: Path, assumed: str, true: str) -> None:
+    degrees = assumed != true  # as degrees and minutes
+    time = np.arange(600.0)
+    speed = 14.0 + 4.0 * np.sin(time / 20.0)
+    way = np.cumsum(speed)
+    north, east = 48.0 + 0.6 * way / 111_195.0, 11.0 + 0.8 * way / 111_195.0 / np.cos(np.radians(48.0))
+    spelled = [f"{int(x)} {60 * (x - int(x)):.5f}" if degrees else f"{x:.7f}" for x in (*north, *east)]
+    pd.DataFrame({"Lat": spelled[:600], "Long": spelled[600:]}).to_csv(tmp_path / "a.csv", index=False)
+    distances = distances_of(
+        open_table(tmp_path / "a.csv", faults=[]), time, speed / FACTORS[true] * FACTORS[assumed]
+    )
+    assert speed_unit_of(assumed, [distances]) == true
+
+
+def test_an_odometer_needs_twenty_kilometres() -> None:
+    assert speed_unit_of("km/h", [Distances(0.0, 0.0, 12_000.0, 19_300.0)]) == "km/h"
+    assert speed_unit_of("km/h", [Distances(0.0, 0.0, 13_000.0, 20_900.0)]) == "mph"
+
+
+@pytest.mark.parametrize("air", [-15.0, 0.0, 12.0, 30.0])
+@pytest.mark.parametrize("battery_above", [0.0, 6.0])
+def test_air_is_nearer_to_the_battery_in_its_own_unit(air: float, battery_above: float) -> None:
+    celsius = air + np.linspace(-3.0, 8.0, 50)
+    battery = [celsius + battery_above]
+    assert air_unit_of("degc", [celsius], battery) == "degc"
+    assert air_unit_of("degf", [celsius * 1.8 + 32.0], battery) == "degf"
+    if air >= 0.0:
+        assert air_unit_of("degc", [celsius * 1.8 + 32.0], battery) == "degf"
