@@ -32,9 +32,9 @@ from tripwatt.forecasting.measured import (
     columns_measured,
     read_measured,
     since_departure,
+    updated_power,
 )
 from tripwatt.forecasting.plausible import battery_wh, contradicts_energy, implausible_faults
-from tripwatt.forecasting.update import updated_power
 from tripwatt.parallel import one_blas_thread
 from tripwatt.routes.links import FLAT_ROAD
 from tripwatt.trips import Flag, Plan, raise_faults

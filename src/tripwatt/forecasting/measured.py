@@ -1,4 +1,4 @@
-"""Reading samples that were measured on the way for an update: check them, map them to the plan's clock, average by segment."""
+"""Samples that were measured on the way: check them, map them to the plan's clock, average by segment, update the residual power."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from tripwatt.arrays import BoolArray, FloatArray, IntArray, distance_driven, ru
 from tripwatt.auditing.signals import blank_stuck_heater
 from tripwatt.errors import InvalidInput
 from tripwatt.forecasting.expected import ExpectedTrip
-from tripwatt.hybrid.climate_log import CLIMATE_COLUMNS, CLIMATE_IN_ALL
+from tripwatt.hybrid.climate_log import CLIMATE_COLUMNS, CLIMATE_IN_ALL, TOLD_BY, logged_climate
 from tripwatt.trips import (
     COLUMNS,
     Plan,
@@ -25,9 +25,11 @@ from tripwatt.trips import (
     value_faults,
 )
 from tripwatt.trips.inertia import WRONG_SIGN, apparent_mass
-from tripwatt.uncertainty import PowerPrior, ResidualPower
+from tripwatt.uncertainty import PowerPrior, ResidualPower, UncertaintyModel
 from tripwatt.uncertainty.charge import CAPACITY_SD, FULL, NORMAL_SCALE, ChargeScale
 from tripwatt.uncertainty.process import EXACT_W2, ResidualProcess
+from tripwatt.uncertainty.residual_power import PowerSum
+from tripwatt.uncertainty.shrinkage import is_off
 from tripwatt.units import SECONDS_PER_HOUR
 
 WHERE: Final = "observed samples"
@@ -407,3 +409,40 @@ def measured_energy(samples: Columns) -> FloatArray | None:
     before, after = at[np.maximum(after - 1, 0)], at[np.minimum(after, len(at) - 1)]
     bridged = inside & (time[after] - time[before] <= GAP_S)
     return np.where(known | (bridged & pair), energy, np.nan)
+
+
+def updated_power(
+    drive: ExpectedTrip,
+    uncertainty: UncertaintyModel,
+    samples: Columns,
+    measured: Measured,
+    readings: PowerReadings,
+) -> tuple[ResidualPower, float]:
+    """Posterior of the residual power, and the factor by which its standard deviation is widened for the rest of the trip.
+
+    Climate control is updated separately if the samples have its power in all measured segments. O(segments).
+    """
+    process, shrinkage = uncertainty.process, uncertainty.shrinkage
+    if not len(readings.power_w):  # no segment was measured for long enough
+        return process.prior(drive.segments), 1.0
+    segments = drive.segments
+    ahead = drive.edges_s[1:] > measured.until_s + 1e-9
+    fraction = min(measured.until_s / float(drive.edges_s[-1]), 1.0)
+    residual = readings.power_w - readings.mean_of(drive.power_w)
+    told = process.split and any(name in samples for name in TOLD_BY)
+    logged = logged_climate(table_of(samples), drive.edges_s) if told else None
+    needed = readings.touches(len(segments))
+    expected = None if logged is None else drive.climate_w
+    if logged is None or expected is None or not np.isfinite(logged[needed]).all():
+        joint = readings.condition(process.prior(segments), residual)
+        return shrinkage.applied("joint", joint, ahead, fraction), shrinkage.sd_factor(False, fraction)
+    seen = readings.mean_of(np.nan_to_num(logged - expected))
+    climate = readings.condition(process.prior(segments, "climate"), process.limited(seen), exact=True)
+    driving = readings.condition(process.prior(segments, "drive"), residual - seen)
+    if is_off(logged[needed], segments.step_s[needed]):
+        off = PowerSum((climate,), np.where(ahead, -expected, climate.mean_w))
+        climate = shrinkage.applied("off", off, ahead, fraction)
+    else:
+        climate = shrinkage.applied("climate", climate, ahead, fraction)
+    driving = shrinkage.applied("drive", driving, ahead, fraction)
+    return PowerSum((climate, driving), climate.mean_w + driving.mean_w), shrinkage.sd_factor(True, fraction)
