@@ -15,7 +15,7 @@ import tripwatt as tw
 from tripwatt.arrays import distance_driven
 from tripwatt.forecasting.leaving import leaving_with, soc_needed
 from tripwatt.hybrid import segment_trips
-from tripwatt.hybrid.energy_errors import unknown_climb_wh
+from tripwatt.hybrid.segments import unknown_climb_wh
 from tripwatt.roads.journey.forecasting import RoadForecaster
 from tripwatt.routes import terrain
 from tripwatt.routes.terrain import net_climbs

@@ -14,7 +14,6 @@ from tests.support.refusals import refusal
 
 from tripwatt.errors import InvalidInput
 from tripwatt.hybrid import SegmentTable
-from tripwatt.hybrid.energy_errors import EnergyErrors
 from tripwatt.hybrid.factors import (
     CLIMATE,
     FACTORS,
@@ -28,7 +27,7 @@ from tripwatt.hybrid.factors import (
     usual_variance_wh2,
 )
 from tripwatt.hybrid.groups import Sums
-from tripwatt.hybrid.segments import LINE_CAUSES
+from tripwatt.hybrid.segments import LINE_CAUSES, EnergyErrors
 from tripwatt.population.prior import Population
 from tripwatt.uncertainty.process import process_segments
 from tripwatt.vehicles import Vehicle, load_vehicle

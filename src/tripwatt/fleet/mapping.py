@@ -31,8 +31,8 @@ from tripwatt.fleet.statistics import KEYS, NO_DRIVER, ROWS, TripRows
 from tripwatt.fleet.store import TripStore, read_file
 from tripwatt.fleet.store.delta import DeltaFolder, is_one_of, is_url
 from tripwatt.hybrid import SegmentTable, segment_table
-from tripwatt.hybrid.energy_errors import unknown_climb_wh
 from tripwatt.hybrid.groups import Sums
+from tripwatt.hybrid.segments import unknown_climb_wh
 from tripwatt.physics import simulate_trip
 from tripwatt.trips import REQUIRED_COLUMNS, Log, Plan, Trip, observed_cumulative_energy, table_of
 from tripwatt.vehicles import Vehicle, load_vehicle
