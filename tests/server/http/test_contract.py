@@ -19,8 +19,7 @@ from tests.support import ROOT
 from tests.support.service_process import Service
 
 import tripwatt as tw
-from tripwatt.command.distances import Drive, need, range_
-from tripwatt.command.forecast import advise, forecast
+from tripwatt.command.forecast import Drive, advise, forecast, need, range_
 from tripwatt.command.journey import reach
 from tripwatt.errors import InvalidInput
 from tripwatt.fleet.nights import needs_by_hour
