@@ -14,7 +14,8 @@ from tests.support.full_disk import full_disk
 from tests.support.refusals import refuses
 
 from tripwatt.command import TRACEBACK, UNEXPECTED
-from tripwatt.command.output import unfinished_folder, write_text
+from tripwatt.command.evaluate import unfinished_folder
+from tripwatt.command.shared import write_text
 from tripwatt.errors import InvalidInput
 from tripwatt.files import folder_lock
 from tripwatt.modelfile import require_place

@@ -17,7 +17,7 @@ from types import MappingProxyType
 from typing import Final
 
 FILE: Final = """
-from tripwatt.command.output import write_text
+from tripwatt.command.shared import write_text
 if out.exists():
     assert out.read_text() in ("old" * 20_000, "new" * 20_000), "neither old nor new"
 def run(text):
@@ -25,7 +25,7 @@ def run(text):
 """
 
 FOLDER: Final = """
-from tripwatt.command.output import unfinished_folder, write_whole
+from tripwatt.command.evaluate import unfinished_folder, write_whole
 from tripwatt.files import folder_lock
 NAMES = ("a.csv", "report.html", "results.json", "figures")
 def fill(text, folder):

@@ -14,7 +14,6 @@ import tripwatt as tw
 from tripwatt import trips
 from tripwatt.command import shared
 from tripwatt.command.options import Answer, argument, assignments, flag, option, require_effect
-from tripwatt.command.output import write_text
 from tripwatt.command.printing import print_json, print_notes, print_table, say
 from tripwatt.command.sentences import by_cause
 from tripwatt.errors import Check, InvalidInput, places_named, raise_faults
@@ -104,7 +103,7 @@ def _new(given: dict[str, Any], out: Path | None) -> Answer:
     document = {"title": car.title, "anchor": car.anchor, "wltp_kwh_per_100km": asdict(wltp), "toml": text}
     if out is None:
         return Answer(document, partial(typer.echo, text, nl=False))
-    write_text(text, out)
+    shared.write_text(text, out)
     return Answer(
         document,
         f"{out} is written: {car.title}. On the WLTP it would use {wltp.middle:.1f} kWh/100 km; 9 in 10 such cars use "

@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
+import os
 import shutil
+from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Final
 
 from tripwatt import trips
 from tripwatt.command import shared
 from tripwatt.command.options import Answer, assignments, flag, option, require_effect
-from tripwatt.command.output import unfinished_folder, write_whole
 from tripwatt.command.printing import console, print_notes, print_table, progress, say
-from tripwatt.errors import Check, Fault, InvalidInput, counted, raise_faults, require_extras
-from tripwatt.files import folder_lock
+from tripwatt.errors import Check, Fault, InvalidInput, counted, raise_faults, require_extras, system_errors
+from tripwatt.files import folder_lock, replace_folder
 
 if TYPE_CHECKING:
     from tripwatt.study.evaluation import CarChoice, EvaluationRun
@@ -194,3 +195,49 @@ def _show(tables: tuple[Any, ...], *last: str) -> None:
         numbers, folding = table.columns[1:], table.columns[3:]
         print_table(table.caption, table.columns, table.rows, numbers=numbers, folding=folding)
     say(*last)
+
+
+UNWRITABLE: Final = ("cannot write the results", "--out", "a writable folder")
+
+
+def unfinished_folder(out: Path) -> Path:
+    """Create the folder beside `out` in which a run keeps unfinished results.
+
+    Raises
+    ------
+    InvalidInput
+        If the folder cannot be created.
+    """
+    place = out.resolve()
+    folder = place.with_name(f"{place.name}.unfinished")
+    with system_errors(*UNWRITABLE, out):
+        folder.mkdir(parents=True, exist_ok=True)
+    return folder
+
+
+def write_whole(write: Callable[[Path], None], out: Path, unfinished: Path) -> None:
+    """Call `write` to fill a new folder, replace `out` by it in one step, and remove `unfinished`.
+
+    Files of an older `out` that `write` does not make are kept.
+
+    Raises
+    ------
+    InvalidInput
+        If something cannot be written; `out` is then unchanged.
+    """
+
+    def fill(made: Path) -> None:
+        write(made)
+        if out.is_dir():
+            names = set(os.listdir(made))
+            shutil.copytree(
+                out,
+                made,
+                symlinks=True,
+                dirs_exist_ok=True,
+                ignore=lambda place, _: names if Path(place) == out else (),
+            )
+
+    with system_errors(*UNWRITABLE, out):
+        replace_folder(out, fill)
+    shutil.rmtree(unfinished, ignore_errors=True)

@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING, Annotated, Any
 from tripwatt.command import shared
 from tripwatt.command.forecast import show_arrival
 from tripwatt.command.options import Answer, argument, assignments, flag, make_group, option, require_effect
-from tripwatt.command.output import write_text
 from tripwatt.command.printing import console, print_notes, print_table, progress, say
 from tripwatt.command.stores import Store
 from tripwatt.errors import require_extras
@@ -382,7 +381,7 @@ def choose(
     asked |= {"grid_w": grid and 1e3 * grid, "new": assignments(new or [], "--new")}
     document = choice.choose(fleet, driven, library, of_year, **asked)
     if out is not None:
-        write_text(csv_text(pd.DataFrame(document["choices"])), out)
+        shared.write_text(csv_text(pd.DataFrame(document["choices"])), out)
     unserved = any(row["smallest"] is None for row in document["choices"])
     return Answer(document, partial(_show_choices, document, 100.0 * probability), code=unserved)
 
@@ -446,7 +445,7 @@ def evaluate(
 
     rows = _rows(store, work, workers)
     scores = evaluate_rows(rows, fit_scales(rows.sums, START))
-    write_text(evaluation_page(f"Fleet {store.store}", scores, rows), out)
+    shared.write_text(evaluation_page(f"Fleet {store.store}", scores, rows), out)
     by_car_model, by_own_trips = (t.to_dict("records") for t in (scores.table("car_model"), scores.own))
     table = accuracy_table(scores, "car_model")
     return Answer(

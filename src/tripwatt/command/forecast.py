@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING, Annotated, Any, Final
 import tripwatt as tw
 from tripwatt.command import shared
 from tripwatt.command.options import Answer, argument, option, require_effect
-from tripwatt.command.output import write_text
 from tripwatt.command.printing import kwh, print_few_notes, print_notes, print_table, say
 from tripwatt.command.sentences import (
     begins,
@@ -147,7 +146,7 @@ def example_trip(
       tripwatt example-trip
     """
     sample = tw.sample_trips()
-    write_text(csv_text(shared.one_trip(sample.trips, trip).samples), out)
+    shared.write_text(csv_text(shared.one_trip(sample.trips, trip).samples), out)
     print_notes([f"{out}: {trip} of {sample.citation}"])
 
 

@@ -14,7 +14,6 @@ import tripwatt as tw
 from tripwatt import trips
 from tripwatt.command import shared
 from tripwatt.command.options import Answer, argument, make_group
-from tripwatt.command.output import write_text
 from tripwatt.command.printing import print_notes, print_reading, print_table, say
 from tripwatt.errors import Fault, InvalidInput, counted
 from tripwatt.files import csv_text
@@ -116,7 +115,7 @@ def suggest(
 
     proposal = suggest_mapping(file)
     if out is not None:
-        write_text(proposal.toml, out)
+        shared.write_text(proposal.toml, out)
 
     def shown() -> None:
         say(*(proposal.toml.splitlines() if out is None else [f"{out}: check every line"]))
@@ -150,7 +149,7 @@ def apply(
     wanted = shared.one_trip(result.trips, trip, aside and f"set aside by the audit: {aside}")
     table = wanted.samples[[c for c in trips.COLUMNS if c in wanted]].copy()
     table["time_s"] -= table["time_s"].iloc[0]
-    write_text(csv_text(table), out)
+    shared.write_text(csv_text(table), out)
     notes = [f"{f.trip}: {f.what} ({f.consequence})" for f in result.findings if f.trip == wanted.trip_id]
 
     def shown() -> None:

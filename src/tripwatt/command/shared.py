@@ -14,9 +14,9 @@ from typing import TYPE_CHECKING, Annotated, Any, Final
 import typer
 
 import tripwatt as tw
-from tripwatt import trips
+from tripwatt import files, trips
 from tripwatt.command.options import Options, argument, assignments, flag, option, require_effect
-from tripwatt.errors import Check, Fault, InvalidInput, and_more, or_none, places_named
+from tripwatt.errors import Check, Fault, InvalidInput, and_more, or_none, places_named, system_errors
 from tripwatt.trips.departure import ASKED, Departure
 from tripwatt.trips.fields import Field
 
@@ -186,6 +186,20 @@ def read_plan(trip: Path, speed_m_s: float | None = None) -> tw.Plan:
     (log,) = logs.trips
     plan = tw.Plan.from_samples(log.samples[[c for c in trips.COLUMNS if c in log]], log.trip_id)
     return replace(plan, flags=(*plan.flags, *logs.notes))
+
+
+def write_text(text: str, path: Path) -> None:
+    """Write the file of the option --out, completely or not at all.
+
+    Raises
+    ------
+    InvalidInput
+        If the file cannot be written; an existing file is then unchanged.
+    """
+    with system_errors("cannot write the file", "--out", "", path):
+        if path.exists() and not path.is_file():
+            raise OSError(f"{'a folder' if path.is_dir() else 'no regular file'}")
+        files.write_text(path, text)
 
 
 def options_named(**more: str) -> AbstractContextManager[None]:
