@@ -13,7 +13,7 @@ import numpy as np
 import pandas as pd
 
 from tripwatt.arrays import by_key
-from tripwatt.auditing import consistency, ranges, signals, stamps
+from tripwatt.auditing import consistency, signals, stamps
 from tripwatt.auditing.findings import Consequence, Cut, Finding, array, between, whole
 from tripwatt.errors import Fault, counted, raise_faults
 from tripwatt.trips import Recorded, Trip, TripSet, require_unique_ids, structure_faults, value_faults
@@ -164,13 +164,13 @@ def audit(logs: TripSet | Iterable[Recorded]) -> Audit:
 
 def _audit_log(trip: Recorded) -> tuple[list[Recorded], list[Finding]]:
     """Return the drives of one log, each mended and judged separately, and the findings."""
-    samples, findings = ranges.blank_infinite(trip.samples, trip.trip_id)
+    samples, findings = signals.blank_infinite(trip.samples, trip.trip_id)
     samples, cuts, new_findings = stamps.mend_stamps(samples, trip.trip_id)
-    findings += [*new_findings, *ranges.missing_columns(samples, trip.trip_id)]
+    findings += [*new_findings, *signals.missing_columns(samples, trip.trip_id)]
     if len(samples) < 2:
         findings.append(whole(samples, trip.trip_id, "fewer than two samples are left", "set aside"))
     if not _is_aside(findings):
-        samples, new_findings = ranges.blank_impossible(samples, trip.trip_id)
+        samples, new_findings = signals.blank_impossible(samples, trip.trip_id)
         findings += new_findings
     if _is_aside(findings):
         return [], findings
@@ -252,17 +252,17 @@ def _leg(trip: Recorded, samples: pd.DataFrame, name: str, *, follows: bool) -> 
 
 def _judge_leg(leg: Recorded) -> tuple[Recorded, list[Finding]]:
     """Apply the rules to one drive; return the mended drive, even if it is set aside, and the findings."""
-    samples = ranges.drop_blank_speed(leg.samples)
+    samples = signals.drop_blank_speed(leg.samples)
     name = leg.trip_id
     findings = [
         *stamps.gap_findings(samples, name),
         *signals.filled_gaps(samples, name),
         *signals.frozen_sensor_findings(samples, name),
-        *ranges.ambient_findings(samples, name),
-        *ranges.coarse_findings(samples, name),
+        *signals.ambient_findings(samples, name),
+        *signals.coarse_findings(samples, name),
     ]
     soc_faults, heater = consistency.blank_soc_faults, signals.blank_stuck_heater
-    for blank in (ranges.mend_heights, heater, soc_faults, ranges.blank_fahrenheit):
+    for blank in (signals.mend_heights, heater, soc_faults, signals.blank_fahrenheit):
         samples, new_findings = blank(samples, name)
         findings += new_findings
     mended = leg.with_samples(samples)
