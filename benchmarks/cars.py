@@ -26,7 +26,7 @@ from tools.docs.tables import markdown
 
 from benchmarks.measure import Row, report
 from benchmarks.unknown_climb import trips_of
-from tripwatt.arrays import FloatArray
+from tripwatt.arrays import FloatArray, Relaxation
 from tripwatt.auditing import audit
 from tripwatt.certification import describe_car
 from tripwatt.forecasting import load_model
@@ -34,7 +34,6 @@ from tripwatt.hybrid import SegmentTable, segment_table
 from tripwatt.hybrid.factors import NAMES, TripEvidence
 from tripwatt.hybrid.parameters import on_road
 from tripwatt.physics import simulate_trip
-from tripwatt.physics.relaxation import Relaxation
 from tripwatt.population import Adaptation, population
 from tripwatt.sources import read_logs
 from tripwatt.study.evaluation.cars import CarTrips, evaluate_cars

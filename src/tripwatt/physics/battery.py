@@ -8,8 +8,7 @@ from typing import Final
 
 import numpy as np
 
-from tripwatt.arrays import BoolArray, FloatArray, PerTrip
-from tripwatt.physics.relaxation import Relaxation
+from tripwatt.arrays import BoolArray, FloatArray, PerTrip, Relaxation
 from tripwatt.units import SECONDS_PER_HOUR, ZERO_CELSIUS_K
 from tripwatt.vehicles import Battery
 from tripwatt.vehicles.losses import TINY

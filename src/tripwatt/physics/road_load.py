@@ -6,8 +6,7 @@ from typing import Final
 
 import numpy as np
 
-from tripwatt.arrays import BoolArray, FloatArray, PerTrip, running_sum
-from tripwatt.physics.relaxation import Relaxation
+from tripwatt.arrays import BoolArray, FloatArray, PerTrip, Relaxation, running_sum
 from tripwatt.trips import STEEPEST_GRADE
 from tripwatt.trips.elevation import heights_of_a_road
 from tripwatt.units import (

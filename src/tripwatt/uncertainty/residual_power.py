@@ -15,8 +15,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from tripwatt.arrays import BoolArray, FloatArray, IntArray, changes
-from tripwatt.physics.relaxation import Relaxation
+from tripwatt.arrays import BoolArray, FloatArray, IntArray, Relaxation, changes
 
 
 @dataclass(frozen=True, slots=True)
