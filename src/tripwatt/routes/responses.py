@@ -34,13 +34,12 @@ from tripwatt.routes.documents import (
     step_pieces,
     steps_of,
 )
-from tripwatt.routes.geojson import track_from_geojson
 from tripwatt.routes.link_objects import LINK_KEYS, is_links_table, route_from_links, route_from_table
 from tripwatt.routes.links import FLAT_ROAD, SHORTEST_LINK_M, LinkRoute, first_of_several, link_ends
 from tripwatt.routes.points import decode_polyline, distances_m, haversine_m, heights_along
 from tripwatt.routes.services import Part, google_route, here_route, tomtom_route
+from tripwatt.routes.track_files import track_from_geojson, track_from_xml
 from tripwatt.routes.tracks import Track
-from tripwatt.routes.xml_tracks import track_from_xml
 from tripwatt.trips import Flag
 from tripwatt.units import M_PER_FOOT, M_PER_MILE
 
