@@ -1,17 +1,8 @@
-"""The forecast of a trip: before departure and on the way, with its uncertainty and the energy by cause."""
+"""The forecast of a trip: before departure and on the way, with its uncertainty and the energy by cause.
 
-from tripwatt.forecasting.difference import Difference
-from tripwatt.forecasting.forecast import Forecast
-from tripwatt.forecasting.model import DEFAULT_CORRECTOR, ForecastModel
-from tripwatt.forecasting.storage import GIVEN, load_metadata, load_model, save_model
+`__init__.pyi` lists the names. Each name is imported on first use.
+"""
 
-__all__ = [
-    "DEFAULT_CORRECTOR",
-    "GIVEN",
-    "Difference",
-    "Forecast",
-    "ForecastModel",
-    "load_metadata",
-    "load_model",
-    "save_model",
-]
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
