@@ -28,6 +28,9 @@ if TYPE_CHECKING:
 ROUTE_COLUMNS: Final = ("time_s", "speed_m_s", "elevation_m", "grade")
 """Columns of a plan."""
 
+BIN_S: Final = 1.0
+"""Width of the bins of a logged speed trace [s]; corrections are fitted on such bins."""
+
 
 @dataclass(frozen=True, slots=True)
 class Pause:
@@ -219,7 +222,7 @@ class Plan(Sampled):
         return cls(trip_id, table_of(route), departure or Departure(), link_m, all_flags)
 
     @classmethod
-    def from_trip(cls, trip: Recorded, *, step_s: float = 1.0) -> Plan:
+    def from_trip(cls, trip: Recorded) -> Plan:
         """Make a plan of a trip: its speed trace, road and covariates, and of the other signals only their values at departure.
 
         Simulation, features and forecast have no other input, so nothing that was measured on the way can leak into a forecast
@@ -229,13 +232,11 @@ class Plan(Sampled):
         ----------
         trip : Trip
             A trip with raw samples.
-        step_s : float
-            Width of the bins of the speed trace [s].
 
         Returns
         -------
         Plan
-            Columns of `ROUTE_COLUMNS` as bin means, without the measured energy.
+            Columns of `ROUTE_COLUMNS` as means over bins of `BIN_S`, without the measured energy.
 
         Raises
         ------
@@ -250,16 +251,11 @@ class Plan(Sampled):
         >>> plan.has("speed_m_s"), plan.has("current_a"), plan.departure == trip.departure
         (True, False, True)
         """
-        return cls._binned(trip, trip.departure, step_s)
+        return cls._binned(trip, trip.departure)
 
     @classmethod
     def from_samples(
-        cls,
-        samples: pd.DataFrame,
-        trip_id: str = "trip",
-        departure: Departure | None = None,
-        *,
-        step_s: float = 1.0,
+        cls, samples: pd.DataFrame, trip_id: str = "trip", departure: Departure | None = None
     ) -> Plan:
         """Make a plan from a speed trace and its road; of the other signals only the values at departure are used.
 
@@ -273,13 +269,11 @@ class Plan(Sampled):
             Name of the plan.
         departure : Departure, optional
             Departure whose known fields replace those of the first sample.
-        step_s : float
-            Width of the bins of the speed trace [s].
 
         Returns
         -------
         Plan
-            Speed trace and road as bin means, with a flag if a gap was bridged.
+            Speed trace and road as means over bins of `BIN_S`, with a flag if a gap was bridged.
 
         Raises
         ------
@@ -298,17 +292,17 @@ class Plan(Sampled):
         raise_faults(time_faults(time, trip_id))
         log = Recorded(trip_id, samples)
         own = replace(log.departure, payload_mass_kg=None, follows_trip=None)
-        plan = cls._binned(log, own.merge(departure), step_s)
+        plan = cls._binned(log, own.merge(departure))
         return replace(plan, flags=(*gap_flags(time), *plan.flags))
 
     @classmethod
-    def _binned(cls, drive: Sampled, departure: Departure, step_s: float) -> Plan:
+    def _binned(cls, drive: Sampled, departure: Departure) -> Plan:
         route, flags = _sound({c: drive.array(c) for c in ROUTE_COLUMNS if c in drive})
         time = route["time_s"]
         start, end = float(time[0]), float(time[-1])
         _require_duration(end - start, drive.trip_id)
-        _, columns = bin_means(time - start, route, step_s)
-        return cls(drive.trip_id, table_of(columns), departure, None, flags, step_s, start, end)
+        _, columns = bin_means(time - start, route, BIN_S)
+        return cls(drive.trip_id, table_of(columns), departure, None, flags, BIN_S, start, end)
 
     def with_departure(self, departure: Departure | None) -> Plan:
         """Return the plan with its departure updated by the known fields of another departure.
