@@ -17,9 +17,8 @@ from tripwatt.sources.columnar import PARQUET, open_table, table_files
 from tripwatt.sources.delimited import column_key, first_row, open_delimited
 from tripwatt.sources.mapping import ENERGY, POWER, ColumnMapping, load_mapping, mapping_from_tables
 from tripwatt.sources.naming import vocabulary, words
-from tripwatt.sources.proposal import Suggestion
 from tripwatt.sources.raw_files import NEEDED
-from tripwatt.sources.suggest import suggest_mapping
+from tripwatt.sources.suggest import Suggestion, suggest_mapping
 from tripwatt.trips import COLUMNS
 from tripwatt.vehicles import Vehicle
 
