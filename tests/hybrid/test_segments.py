@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from types import SimpleNamespace
+from unittest.mock import patch
 
 import numpy as np
 import pandas as pd
@@ -113,7 +114,8 @@ class TestSegments:
             power_by_cause_w={cause: power_w * (k + 2) for k, cause in enumerate(LINE_CAUSES)},
             wheel_power_w=power_w * np.where(np.arange(n) % 2, -1.0, 1.0),
         )
-        return segment_table(plan, run, measured, segment_s=segment_s)
+        with patch("tripwatt.hybrid.segments.SEGMENT_S", segment_s):
+            return segment_table(plan, run, measured)
 
     def test_means_by_hand(self) -> None:
         found = self.cut()

@@ -171,14 +171,11 @@ class SegmentTable(RowTable):
 
 
 def segment_table(
-    plan: Plan,
-    simulation: Simulation,
-    measured: Trip | None = None,
-    *,
-    segment_s: float = SEGMENT_S,
-    climb_wh: float = 0.0,
+    plan: Plan, simulation: Simulation, measured: Trip | None = None, *, climb_wh: float = 0.0
 ) -> SegmentTable:
     """Cut one trip into segments, from its plan and simulation; adds the measured power if a measured trip is given.
+
+    The last segment takes the rest of the trip and is up to twice as long as the others.
 
     Parameters
     ----------
@@ -189,8 +186,6 @@ def segment_table(
     measured : Trip, optional
         The raw trip; its cumulative energy is read at the ends of the segments. If it was not measured along the trip
         (`EnergyErrors.along`), only the total is used: the residual is the same in every segment.
-    segment_s : float
-        Length of a segment [s]; the last segment takes the rest of the trip and is up to twice as long.
     climb_wh : float
         Standard deviation of the measured energy due to an unknown climb [Wh].
 
@@ -215,8 +210,8 @@ def segment_table(
     steps = np.sort(time[1:] - time[:-1])
     step = np.diff(time, prepend=time[0] - 0.5 * (steps[(len(steps) - 1) // 2] + steps[len(steps) // 2]))
     segment = np.minimum(
-        np.floor((time - time[0]) / segment_s).astype(np.int64),
-        max(int((time[-1] - time[0]) // segment_s - 0.5), 0),
+        np.floor((time - time[0]) / SEGMENT_S).astype(np.int64),
+        max(int((time[-1] - time[0]) // SEGMENT_S - 0.5), 0),
     )
     n = int(segment[-1]) + 1
     seconds = np.asarray(np.bincount(segment, step, n), dtype=np.float64)
