@@ -60,10 +60,8 @@ def for_car(
         car = load_vehicle(car, own.preset if car == own.name else "default")
     if car is None or car is own:
         return fitted
-    from tripwatt.population.adapting import (
-        population_of,
-        without_trips,
-    )  # the model's own car does not need it
+    # the model's own car does not need them
+    from tripwatt.population.adapting import population_of, without_trips
 
     changes = [d for d in differences(car, own) if d.key.partition(".")[0] != _NO_ENERGY]
     if not changes:
