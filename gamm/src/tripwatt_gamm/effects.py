@@ -14,9 +14,9 @@ import pandas as pd
 from scipy import stats
 
 from tripwatt_gamm.arrays import FloatArray
-from tripwatt_gamm.components import variance_components
 from tripwatt_gamm.covariates import missing_columns
 from tripwatt_gamm.errors import Fault, raise_faults
+from tripwatt_gamm.inference import variance_components
 from tripwatt_gamm.terms import RandomEffect, Smooth, Tensor
 
 if TYPE_CHECKING:

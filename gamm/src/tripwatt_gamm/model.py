@@ -6,10 +6,10 @@ from typing import TYPE_CHECKING
 
 import pandas as pd
 
-from tripwatt_gamm.components import variance_components
 from tripwatt_gamm.diagnosis import Diagnosis
 from tripwatt_gamm.effects import Effect, plot_effects, term_effects
 from tripwatt_gamm.estimator import Estimator
+from tripwatt_gamm.inference import variance_components
 from tripwatt_gamm.summary import Summary
 
 if TYPE_CHECKING:
@@ -127,7 +127,7 @@ class GAMM(Estimator):
         Returns
         -------
         DataFrame
-            Table of `tripwatt_gamm.components.variance_components`.
+            Table of `tripwatt_gamm.inference.variance_components`.
         """
         return variance_components(self, level)
 

@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 import pandas as pd
 
-from tripwatt_gamm.components import variance_components
-from tripwatt_gamm.inference import coefficient_table, term_table
+from tripwatt_gamm.inference import coefficient_table, term_table, variance_components
 
 if TYPE_CHECKING:
     from tripwatt_gamm.estimator import Estimator
