@@ -16,8 +16,7 @@ A fitted model explains itself:
 'x'
 """
 
-from tripwatt_gamm.comparison import anova
-from tripwatt_gamm.dependence import Autocorrelation, autocorrelation, basis_check, concurvity
+from tripwatt_gamm.checks import Autocorrelation, anova, autocorrelation, basis_check, concurvity
 from tripwatt_gamm.diagnosis import Diagnosis
 from tripwatt_gamm.effects import CurveEffect, FactorEffect, RandomEffects, SurfaceEffect, plot_effects
 from tripwatt_gamm.errors import InvalidInput, NotFittedError

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from gamm_samples import FIXTURES, mgcv_fit
 from tripwatt_gamm import autocorrelation
-from tripwatt_gamm.dependence import column_concurvity, concurvity
+from tripwatt_gamm.checks import column_concurvity, concurvity
 from tripwatt_gamm.errors import InvalidInput
 
 RESIDUALS = st.lists(
