@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Final
+from dataclasses import dataclass, fields
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 import pandas as pd
@@ -16,11 +16,6 @@ if TYPE_CHECKING:
 _LEVELS: Final = ((0.001, "***"), (0.01, "**"), (0.05, "*"))  # the usual ones, as R prints them
 _LEGEND: Final = "Signif. codes:  0 '***' 0.001 '**' 0.01 '*' 0.05 ' ' 1"
 _EDF: Final = "EDF: "
-_FITTED: Final = (
-    *("r2", "deviance_explained", "reml", "aic", "loglik", "scale", "n"),
-    *("nu", "sigma", "nu_at_bound", "converged", "message"),
-)
-"""Fields of a summary that are attributes of the model, there with a trailing underscore."""
 
 
 def stars(p_value: float) -> str:
@@ -121,18 +116,18 @@ class Summary:
             A fitted model.
         """
         family = model.family_
-        return cls(
-            parametric=coefficient_table(model),
-            smooth=term_table(model),
-            variance=variance_components(model),
-            formula=" ".join(str(model.formula).split()),
-            family=family.name,
-            link=family.link.name,
-            method=str(model.method) if family.name == "scat" else "REML",
-            scale_known=not family.estimates_scale,
-            notes=tuple(model.notes_),
-            **{name: getattr(model, f"{name}_") for name in _FITTED},
-        )
+        own: dict[str, Any] = {
+            "parametric": coefficient_table(model),
+            "smooth": term_table(model),
+            "variance": variance_components(model),
+            "formula": " ".join(str(model.formula).split()),
+            "family": family.name,
+            "link": family.link.name,
+            "method": str(model.method) if family.name == "scat" else "REML",
+            "scale_known": not family.estimates_scale,
+            "notes": tuple(model.notes_),
+        }
+        return cls(**{f.name: getattr(model, f"{f.name}_") for f in fields(cls) if f.name not in own}, **own)
 
     def distribution(self) -> str:
         """Describe the error distribution in words, with its parameters.
