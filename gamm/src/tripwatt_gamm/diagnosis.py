@@ -92,11 +92,11 @@ class Diagnosis:
         figure = figures.new_figure(9.0, 7.2) if figure is None else figure
         (quantiles, residuals), (histogram, response) = figure.subplots(2, 2)
         self._plot_quantiles(quantiles)
-        _scatter(residuals, self.predictor, self.residual)
+        figures.scatter(residuals, self.predictor, self.residual)
         residuals.axhline(0.0, color=figures.RED, linewidth=1.5)
         residuals.set(title="Residuals and linear predictor", xlabel="Linear predictor", ylabel="Residual")
         self._plot_histogram(histogram)
-        _scatter(response, self.fitted, self.response)
+        figures.scatter(response, self.fitted, self.response)
         ends = [float(self.fitted.min()), float(self.fitted.max())]
         response.plot(ends, ends, color=figures.RED, linewidth=1.5)
         response.set(title="Response and fitted values", xlabel="Fitted value", ylabel="Response")
@@ -113,7 +113,7 @@ class Diagnosis:
         low, middle, high = self.distribution.ppf([below, (shown + 0.5) / n, above])
         band = "95 %, were rows independent"
         ax.fill_between(middle, low, high, color=figures.GREY, alpha=0.3, linewidth=0, label=band)
-        _scatter(ax, middle, ordered[shown])
+        figures.scatter(ax, middle, ordered[shown])
         ax.plot(middle[[0, -1]], middle[[0, -1]], color=figures.RED, linewidth=1.5)
         ax.legend(frameon=False, loc="upper left", fontsize="small")
         ends = np.array([ordered[0], ordered[-1], middle[0], middle[-1]])
@@ -139,10 +139,3 @@ class Diagnosis:
         ax.set(title="Histogram of residuals", xlabel=label, ylabel="Rows")
         ax.set_ylim(top=1.3 * max(float(np.max(count)), float(expected.max())))  # room for the legend
         ax.legend(frameon=False, loc="upper right")
-
-
-def _scatter(ax: Axes, x: FloatArray, y: FloatArray) -> None:
-    from tripwatt_gamm import figures
-
-    shown = figures.shown_rows(y)
-    ax.scatter(x[shown], y[shown], s=7, color=figures.BLUE, alpha=0.35, linewidths=0, rasterized=True)

@@ -54,6 +54,12 @@ def dots(
     ax.errorbar(x, y, yerr, xerr, fmt="o", markersize=4, color=BLUE, ecolor=GREY, elinewidth=0.8)
 
 
+def scatter(ax: Axes, x: FloatArray, y: FloatArray) -> None:
+    """Draw points, of which many are thinned by `shown_rows` of `y`."""
+    shown = shown_rows(y)
+    ax.scatter(x[shown], y[shown], s=7, color=BLUE, alpha=0.35, linewidths=0, rasterized=True)
+
+
 def shown_rows(values: FloatArray) -> Index:
     """Return the sorted positions of the values to draw: `MAX_POINTS` evenly spaced ones, the 50 smallest and 50 largest."""
     even = np.linspace(0, len(values) - 1, min(len(values), MAX_POINTS)).round().astype(np.intp)
