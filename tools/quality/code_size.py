@@ -28,7 +28,7 @@ BUDGETS: Final[Mapping[str, int]] = {
     "server": 5_985,
     "fleet": 2_975,
     "study": 4_652,
-    "gamm": 3_835,
+    "gamm": 3_834,
 }
 """Most code lines of each part. They only fall: whoever needs lines finds them first. The fleet may have up to 3,400, for what a manager
 asks, where the others fall by as much. That of the roads is below the 4,800 of the house plan."""

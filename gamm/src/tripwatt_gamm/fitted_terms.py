@@ -148,9 +148,8 @@ class FittedTerm:
                 piece = levels.rows(levels.codes(frame[name])) @ self.contrasts[name]
             else:
                 piece = frame[name].to_numpy(dtype=np.float64)[:, None]
-                piece = (
-                    piece if self.extrapolation == "linear" else self.training.supports[(name,)].clamp(piece)
-                )
+                if self.extrapolation == "clamp":
+                    piece = self.training.supports[(name,)].clamp(piece)
             product = (product[:, :, None] * piece[:, None, :]).reshape(len(frame), -1)
         return product
 
