@@ -1,8 +1,10 @@
 """Settings of the correctors."""
 
+import pytest
 from tests.hybrid.tables import CAUSES_W
 
-from tripwatt.hybrid import power
+from tripwatt.hybrid import power, power_corrector, segment_trips
+from tripwatt.hybrid.correctors import TUNED
 from tripwatt.hybrid.power import (
     CLIMATE_TERMS,
     DRIVE_TERMS,
@@ -12,7 +14,11 @@ from tripwatt.hybrid.power import (
     boosting_corrector,
     forest_corrector,
 )
+from tripwatt.study.synthetic import VEHICLE, synthetic_fleet
 from tripwatt.trips import TEMPERATURES
+from tripwatt.vehicles import load_vehicle
+
+TABLE = segment_trips(synthetic_fleet(8).trips, load_vehicle(VEHICLE))
 
 
 def test_settings_that_stored_models_were_learned_with() -> None:
@@ -46,3 +52,11 @@ def test_settings_that_stored_models_were_learned_with() -> None:
         fitted.n_rounds_ = chosen
         assert fitted.tuned().get_params() == boosted | {"n_rounds": kept, "n_folds": None}
     assert forest_corrector(3).model.n_trees == 200
+
+
+@pytest.mark.parametrize("kind", TUNED)
+def test_settings_without_a_fit_are_those_of_the_fit(kind: str) -> None:
+    tuned, fitted = power_corrector(kind).tune(TABLE), power_corrector(kind).fit(TABLE)
+    again = [each.clone_tuned().fit(TABLE).predict(TABLE).tolist() for each in (tuned, fitted)]
+    assert again[0] == again[1]
+    assert again[0] != power_corrector("linear").fit(TABLE).predict(TABLE).tolist()

@@ -96,7 +96,7 @@ def inner_fits(
     tables = [table] * len(kept) if again is None else again(kept)
     tuned = [fitted] * SETTINGS_BLOCKS
     for block, simulated in zip(blocks, tables[len(splits) :], strict=True):
-        tuned[block.number] = fresh_corrector(str(name), seed, fitted).fit(simulated.take(block.train))
+        tuned[block.number] = fresh_corrector(str(name), seed, fitted).tune(simulated.take(block.train))
     for split, simulated in zip(splits, tables, strict=False):
         corrector = tuned[split.number % SETTINGS_BLOCKS].clone_tuned().fit(simulated.take(split.train))
         yield InnerFit(split.test, corrector, simulated)

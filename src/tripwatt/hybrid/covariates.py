@@ -10,14 +10,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
-from typing import Final, Self
+from typing import Final
 
 import numpy as np
 import pandas as pd
 
 from tripwatt.arrays import FloatArray
 from tripwatt.errors import Fault, InvalidInput
-from tripwatt.hybrid.power import PowerCorrector, Uncertain
+from tripwatt.hybrid.power import PowerCorrector, TunedCorrector, Uncertain, Way
 from tripwatt.hybrid.segments import SegmentTable
 
 MOST_VALUES: Final = 30
@@ -26,7 +26,7 @@ give a standard deviation within 13 %."""
 
 
 @dataclass(eq=False)
-class CovariateCorrector(PowerCorrector):
+class CovariateCorrector(TunedCorrector):
     """A corrector that also uses covariates.
 
     Parameters
@@ -64,7 +64,7 @@ class CovariateCorrector(PowerCorrector):
             n: tuple(f"{n}={w}" for w in self.levels[n]) if n in self.levels else (n,) for n in self.names
         }
 
-    def fit(self, table: SegmentTable) -> Self:
+    def _each(self, table: SegmentTable, way: Way) -> None:
         """Fit the corrector with the covariates of the trips; their words and scales are those of these trips."""
         given = pd.DataFrame() if table.covariates is None else table.covariates
         for name in self.names:
@@ -76,8 +76,7 @@ class CovariateCorrector(PowerCorrector):
         self.levels = {name: tuple(sorted(map(str, given[name].dropna().unique()))) for name in texts}
         known = self._encode(table)
         self.seen = np.where(np.isfinite(known), known, np.nanmean(known, axis=0))
-        self.base.fit(self._with(table, known))
-        return self
+        getattr(self.base, way)(self._with(table, known))
 
     def clone_tuned(self) -> CovariateCorrector:
         """Return an unfitted copy with the settings that `fit` chose."""

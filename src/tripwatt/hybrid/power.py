@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar, Final, Self
+from typing import Any, ClassVar, Final, Literal, Self
 
 import numpy as np
 import pandas as pd
@@ -21,6 +21,8 @@ from tripwatt.trips import TEMPERATURES
 
 Uncertain = tuple[FloatArray, FloatArray]
 """A prediction, and the factor of the covariance of its uncertainty."""
+
+Way = Literal["fit", "tune"]
 
 
 class PowerCorrector:
@@ -73,8 +75,28 @@ class PowerCorrector:
         """
         raise InvalidInput.of("corrector cannot be fitted", type(self).__name__, fix=self.refit)
 
+    def tune(self, table: SegmentTable) -> Self:
+        """Choose the settings for `clone_tuned` as `fit` does; the rest of the fit may be left out.
+
+        Parameters
+        ----------
+        table : SegmentTable
+            As for `fit`.
+
+        Returns
+        -------
+        PowerCorrector
+            The corrector itself, with its settings.
+
+        Raises
+        ------
+        InvalidInput
+            If the corrector cannot be fitted.
+        """
+        return self.fit(table)
+
     def clone_tuned(self) -> PowerCorrector:
-        """Make an unfitted copy with the settings that `fit` chose, to fit on a part of the same trips.
+        """Make an unfitted copy with the settings that `fit` or `tune` chose, to fit on a part of the same trips.
 
         Returns
         -------
@@ -196,6 +218,23 @@ class PowerCorrector:
         return self.predict(table) - (0.0 if climate is None else climate)
 
 
+class TunedCorrector(PowerCorrector):
+    """A corrector with parts that are all fitted, or all only tuned."""
+
+    def fit(self, table: SegmentTable) -> Self:
+        """Fit all parts, see `_each`."""
+        self._each(table, "fit")
+        return self
+
+    def tune(self, table: SegmentTable) -> Self:
+        """Choose the settings of all parts."""
+        self._each(table, "tune")
+        return self
+
+    def _each(self, table: SegmentTable, way: Way) -> None:
+        raise NotImplementedError
+
+
 def summed(rows: FloatArray, hours: FloatArray | None, share: FloatArray | float = 1.0) -> FloatArray:
     """Rows times the share of each; their sum over durations [h] if these are given.
 
@@ -255,15 +294,8 @@ class GPCorrector(PowerCorrector):
         self.shape = np.empty(0)
 
     def fit(self, table: SegmentTable) -> Self:
-        """Fit to trip totals, then to the rows within trips. O(rows x features^2).
-
-        Terms with a column that is unknown in all rows are left out; each covariate of the table adds one.
-        """
-        covariates = (KernelTerm(columns, "smooth", COVARIATE_SD_W, 1.5) for columns in table.added.values())
-        known = {name for name, column in table.features.items() if bool(column.notna().any())}
-        self.terms = tuple(
-            t for t in dict.fromkeys((*self.terms, *covariates)) if known.issuperset(t.columns)
-        )
+        """Fit to trip totals, then to the rows within trips. O(rows x features^2)."""
+        self.tune(table)
         self.model = replace(self.model, terms=self.terms)
         smooth = dict.fromkeys(c for term in self.terms if term.kind == "smooth" for c in term.columns)
         self.familiarity = Familiarity.from_features(table.features, tuple(smooth) or FADING)
@@ -281,6 +313,15 @@ class GPCorrector(PowerCorrector):
         # the shape may be twice as far from the simulation as the totals; a choice
         gram = X.T @ X + np.diag(np.mean(r**2) / (4.0 * prior))
         self.shape = np.linalg.solve(gram, X.T @ r)
+        return self
+
+    def tune(self, table: SegmentTable) -> Self:
+        """Leave out terms with a column that is unknown in all rows; each covariate of the table adds one."""
+        covariates = (KernelTerm(columns, "smooth", COVARIATE_SD_W, 1.5) for columns in table.added.values())
+        known = {name for name, column in table.features.items() if bool(column.notna().any())}
+        self.terms = tuple(
+            t for t in dict.fromkeys((*self.terms, *covariates)) if known.issuperset(t.columns)
+        )
         return self
 
     def clone_tuned(self) -> GPCorrector:
@@ -331,7 +372,7 @@ def familiarity_of(table: SegmentTable, columns: Collection[str] = FADING) -> Fa
     return replace(seen, lost_w=float(np.sqrt(np.mean(mean_w**2))))
 
 
-class LearnerCorrector(PowerCorrector):
+class LearnerCorrector(TunedCorrector):
     """A learner in the style of scikit-learn on segment rows, with the trip as the group of its rows."""
 
     def __init__(self, model: Any, features: tuple[str, ...] = TREE_FEATURES) -> None:
@@ -339,12 +380,12 @@ class LearnerCorrector(PowerCorrector):
         self.features = features
         self.familiarity = Familiarity()
 
-    def fit(self, table: SegmentTable) -> Self:
+    def _each(self, table: SegmentTable, way: Way) -> None:
         """Fit to segment rows, with the trip as the cluster; columns of covariates are further features."""
         self.features = tuple(dict.fromkeys((*self.features, *itertools.chain(*table.added.values()))))
         self.familiarity = familiarity_of(table, self.features)
-        self.model.fit(self.columns(table), table.residual_w, groups=table.groups)
-        return self
+        learn = getattr(self.model, way, self.model.fit)
+        learn(self.columns(table), table.residual_w, groups=table.groups)
 
     def clone_tuned(self) -> LearnerCorrector:
         """An unfitted copy with the settings that `fit` chose."""
@@ -361,26 +402,25 @@ class LearnerCorrector(PowerCorrector):
 
 
 @dataclass(eq=False, repr=False)
-class EnsembleCorrector(PowerCorrector):
+class EnsembleCorrector(TunedCorrector):
     """Mean of several correctors; the uncertainty is that of the first."""
 
     members: Sequence[PowerCorrector]
 
-    def fit(self, table: SegmentTable) -> Self:
+    def _each(self, table: SegmentTable, way: Way) -> None:
         """Fit each member.
 
         The members after the first weigh every row alike and ignore errors of measurement. For a trip that was not measured along the
         way they are fitted to the first member's estimate.
         """
         first, *others = self.members
-        first.fit(table)
         total_only = ~table.energy_errors.along[table.groups]
+        getattr(first, "fit" if total_only.any() else way)(table)
         if total_only.any():
             learned = table.simulated_w + first.predict(table)
             table = replace(table, observed_w=np.where(total_only, learned, table.observed_power_w))
         for member in others:
-            member.fit(table)
-        return self
+            getattr(member, way)(table)
 
     def clone_tuned(self) -> EnsembleCorrector:
         """Copies of the members with the settings that `fit` chose."""
@@ -470,7 +510,7 @@ DRIVE_TREE_FEATURES: Final = tuple(
 
 
 @dataclass(eq=False, repr=False)
-class SplitCorrector(PowerCorrector):
+class SplitCorrector(TunedCorrector):
     """One corrector for climate control and one for driving, or a joint one if too few trips log climate control.
 
     A log with the power of heater and air conditioner splits the residual in two. The power of climate control depends on
@@ -499,26 +539,26 @@ class SplitCorrector(PowerCorrector):
     def __post_init__(self) -> None:
         self.split_ = bool(self.split)
 
-    def fit(self, table: SegmentTable) -> Self:
+    def _each(self, table: SegmentTable, way: Way) -> None:
         """Fit climate control to the trips that log it, then driving to the remaining residual of all trips."""
         logged = climate_logged(table)
         # eight trips and half of all with logged climate control: a separate correction from fewer is worse; a choice
         enough = int(logged.sum()) >= 8 and float(logged.mean()) >= 0.5
         self.split_ = enough if self.split is None else self.split
         if not self.split_:
-            self.joint.fit(table)
-            return self
+            getattr(self.joint, way)(table)
+            return
         own = replace(
             table,
             simulated_w=table.columns["climate_w"],
             observed_w=table.observed_climate_w,
             errors=None,
         )
-        self.climate.fit(own.take(np.flatnonzero(logged)))
         residual = table.climate_residual_w
-        residual = np.where(logged[table.groups], residual, self.climate.predict(table))
-        self.drive.fit(replace(table, observed_w=table.observed_power_w - residual))
-        return self
+        getattr(self.climate, way if logged.all() else "fit")(own.take(np.flatnonzero(logged)))
+        if not logged.all():
+            residual = np.where(logged[table.groups], residual, self.climate.predict(table))
+        getattr(self.drive, way)(replace(table, observed_w=table.observed_power_w - residual))
 
     def clone_tuned(self) -> SplitCorrector:
         """Unfitted copies with the settings that `fit` chose."""

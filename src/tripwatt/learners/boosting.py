@@ -164,6 +164,22 @@ class ClusteredBoosting(ClusteredTrees):
             If an array is malformed.
         """
         sample, clusters, _, seed = self._prepare(X, y, groups)
+        self._choose(sample, seed)
+        everything = np.ones(sample.n_groups, dtype=bool)
+        path = boost(sample, self.best_params_, everything, self.n_rounds_, seed, start=self.start)
+        self.groups_ = clusters.labels
+        self.correlation_parameter_ = path.rho
+        self.start_, self.divisor_ = path.start, None
+        self.trees_ = path.trees.with_values(path.values)
+        return self
+
+    def tune(self, X: Any, y: Any, groups: Any = None) -> Self:
+        """Choose setting and number of rounds as `fit` does, and leave out the fit of all rows."""
+        sample, _, _, seed = self._prepare(X, y, groups)
+        self._choose(sample, seed)
+        return self
+
+    def _choose(self, sample: Sample, seed: int) -> None:
         settings = self._settings()
         best, n_rounds = 0, self.n_rounds
         if self.n_folds is not None and sample.n_groups > 1:
@@ -174,15 +190,7 @@ class ClusteredBoosting(ClusteredTrees):
                 for setting in settings
             ]
             best, n_rounds, _ = _choice(errors)
-        chosen = settings[best]
-        path = boost(sample, chosen, np.ones(sample.n_groups, dtype=bool), n_rounds, seed, start=self.start)
-        self.groups_ = clusters.labels
-        self.best_params_ = chosen
-        self.n_rounds_ = n_rounds
-        self.correlation_parameter_ = path.rho
-        self.start_, self.divisor_ = path.start, None
-        self.trees_ = path.trees.with_values(path.values)
-        return self
+        self.best_params_, self.n_rounds_ = settings[best], n_rounds
 
     def leave_groups_out(self, X: Any, y: Any, groups: Any = None, folds: Any = None) -> FloatArray:
         """Prediction of each row by a model that is fitted and tuned without the row's fold.
