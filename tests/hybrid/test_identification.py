@@ -10,6 +10,7 @@ from tripwatt.hybrid import (
     Identified,
     StageRecord,
     identify,
+    identify_each,
     power_corrector,
     resimulated,
     segment_trips,
@@ -228,6 +229,15 @@ def test_what_the_compressor_takes_is_found_in_warm_air():
     assert entry["climate.compressor_idle_w"].source == "identified on 24 trips; published 0: no source"
     cold = identify_trips([as_logged(trip, BOOK) for trip in FLEET], BOOK).values
     assert "climate.cooler_cop" not in cold
+
+
+def test_choices_of_trips_that_are_looked_at_together_show_what_each_shows_alone():
+    records = [stage_record(as_logged(trip, ONE_PEDAL), BOOK) for trip in FLEET[:10]]
+    choices = [records, records[:2], records[2:], [], records[::2]]
+    together = identify_each(choices, BOOK)
+    assert [dict(each.values) for each in together] == [dict(identify(own, BOOK).values) for own in choices]
+    assert [len(each.values) > 0 for each in together] == [True, False, True, False, True]
+    assert "climate.interior_heat_capacity_j_k" in together[0].values
 
 
 def test_base_load_is_that_of_the_standing_car_with_climate_off():

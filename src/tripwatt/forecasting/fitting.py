@@ -13,7 +13,7 @@ import numpy as np
 from tripwatt.arrays import IntArray
 from tripwatt.auditing import Audit, audit
 from tripwatt.forecasting.model import DEFAULT_CORRECTOR, ForecastModel, HeldOut
-from tripwatt.hybrid import Corrector, Identified, identify, stage_record
+from tripwatt.hybrid import Corrector, Identified, identify, identify_each, stage_record
 from tripwatt.trips import COLUMNS, Trip, TripSet
 from tripwatt.trips.messages import message
 from tripwatt.vehicles import Vehicle
@@ -37,13 +37,14 @@ def fit_car(
     """
     records = [stage_record(trip, vehicle) for trip in trips] if identified else []
 
-    def car_of(members: IntArray) -> Vehicle:
-        return identify([records[i] for i in members], vehicle).applied(vehicle)
+    def cars_of(several: Sequence[IntArray]) -> list[Vehicle]:
+        shown = identify_each([[records[i] for i in members] for members in several], vehicle)
+        return [values.applied(vehicle) for values in shown]
 
     values = identify(records, vehicle) if identified else None
     car = vehicle if values is None else values.applied(vehicle)
     model = ForecastModel(car, corrector, seed, covariates=tuple(covariates))
-    return model.fit(trips, car_of=car_of if identified else None, progress=progress), values
+    return model.fit(trips, cars_of=cars_of if identified else None, progress=progress), values
 
 
 def fit_with_provenance(

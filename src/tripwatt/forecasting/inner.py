@@ -24,15 +24,16 @@ INNER_FOLDS: Final = 10
 SETTINGS_BLOCKS: Final = 3
 """Number of blocks of folds that share settings. Each block costs one search; with fewer blocks a search has too few trips."""
 
+CarsOf = Callable[[Sequence[IntArray]], Sequence[Vehicle]]
+"""Function from several choices of training trips, as indices, to the car as each choice shows it."""
+
 Again = Callable[[Sequence[IntArray]], Sequence[SegmentTable]]
 """Function from several choices of training trips, as indices, to one table per choice.
 
 Each table has all training trips, simulated with the car as the chosen trips show it."""
 
 
-def resimulation(
-    trips: Sequence[Trip], table: SegmentTable, vehicle: Vehicle, car_of: Callable[[IntArray], Vehicle]
-) -> Again:
+def resimulation(trips: Sequence[Trip], table: SegmentTable, vehicle: Vehicle, cars_of: CarsOf) -> Again:
     """Return a function that simulates all trips with the car as some of them show it, see `Again`.
 
     Parameters
@@ -41,13 +42,13 @@ def resimulation(
     table : SegmentTable
         Segments of the same trips, simulated with `vehicle`.
     vehicle : Vehicle
-    car_of : callable
-        Function from indices of trips to the car as these trips show it.
+    cars_of : callable
+        See `CarsOf`.
     """
     plans = [Plan.from_trip(trip) for trip in trips]
 
     def again(several: Sequence[IntArray]) -> list[SegmentTable]:
-        cars = [car_of(members) for members in several]
+        cars = cars_of(several)
         tables = iter(resimulated(table, plans, [car for car in cars if car is not vehicle]))
         return [table if car is vehicle else next(tables) for car in cars]
 

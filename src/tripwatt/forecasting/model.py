@@ -14,11 +14,11 @@ from typing import Any, Final
 
 import numpy as np
 
-from tripwatt.arrays import FloatArray, IntArray
+from tripwatt.arrays import FloatArray
 from tripwatt.errors import Fault, InvalidInput
 from tripwatt.forecasting.expected import ExpectedTrip
 from tripwatt.forecasting.forecast import Forecast, with_empty_flag, with_route_error
-from tripwatt.forecasting.inner import INNER_FOLDS, Again, inner_fits, resimulation
+from tripwatt.forecasting.inner import INNER_FOLDS, Again, CarsOf, inner_fits, resimulation
 from tripwatt.forecasting.plausible import impossible_faults
 from tripwatt.forecasting.ranges import (
     compare,
@@ -135,7 +135,7 @@ class ForecastModel:
         self,
         trips: Sequence[Trip],
         *,
-        car_of: Callable[[IntArray], Vehicle] | None = None,
+        cars_of: CarsOf | None = None,
         progress: Callable[[int, int], None] | None = None,
     ) -> ForecastModel:
         """Fit to raw trips with measured energy. See `fit_segments`.
@@ -144,9 +144,9 @@ class ForecastModel:
         ----------
         trips : sequence of Trip
             At least `MIN_TRIPS` trips with measured energy.
-        car_of : callable, optional
-            Function from indices of trips to the car with the values that these trips show. Give it if values of the model's car
-            come from the trips; it is called for each inner fold without the fold's own trips.
+        cars_of : callable, optional
+            Function from several choices of trips, as indices, to the car with the values that each choice shows. Give it if values of
+            the model's car come from the trips; it is called for the inner folds, each without the fold's own trips.
         progress : callable, optional
             Called with (finished fits, all fits).
 
@@ -169,7 +169,7 @@ class ForecastModel:
         <ForecastModel BMW i3 60 Ah, linear corrector, 15 trips>
         """
         table = segment_trips(trips, self.vehicle)
-        again = None if car_of is None else resimulation(trips, table, self.vehicle, car_of)
+        again = None if cars_of is None else resimulation(trips, table, self.vehicle, cars_of)
         self.fit_segments(
             table,
             routes=linked_trips(trips, self.vehicle),

@@ -1,5 +1,5 @@
 from .correctors import POWER_CORRECTORS, STORABLE, power_corrector
-from .identification import Identified, StageRecord, identify, stage_record
+from .identification import Identified, StageRecord, identify, identify_each, stage_record
 from .outside import Corrector
 from .power import PowerCorrector
 from .segments import SegmentTable, resimulated, segment_table, segment_trips
@@ -19,6 +19,7 @@ __all__ = [
     "TripTable",
     "build_table",
     "identify",
+    "identify_each",
     "power_corrector",
     "resimulated",
     "segment_table",

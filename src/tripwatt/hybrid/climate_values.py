@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
@@ -79,62 +79,97 @@ class ClimateRecord:
 
 
 def climate_values(
-    records: Sequence[ClimateRecord], vehicle: Vehicle
-) -> dict[str, float | tuple[float, ...]]:
-    """Interior heat capacity of the cabin and, from trips in warm air, the compressor's least power and cooling efficiency."""
-    climate = vehicle.climate
-    assert climate is not None  # else there is no record
-    names = ["interior_heat_capacity_j_k"]
-    climate = _scaled(climate, names[0], INTERIOR_WIDTH, records)
-    # from 15 °C on a compressor cools the cabin; a choice
-    warm = [r for r in records if r.ambient_temperature_degc > 15.0]
-    running = [r.min_w for r in warm if np.isfinite(r.min_w)]
-    if len(running) >= MIN_TRIPS:
-        known, prior = len(running) / max(float(np.var(running, ddof=1)), 1.0), IDLE_WIDTH_W**-2
-        published = climate.compressor_idle_w
-        least = (known * float(np.median(running)) + prior * published) / (known + prior)
-        if abs(least - published) <= FARTHEST * IDLE_WIDTH_W:
-            climate = replace(climate, compressor_idle_w=least)
-        climate = _scaled(climate, "cooler_cop", COOLER_WIDTH, warm)
-        names += ["compressor_idle_w", "cooler_cop"]
-    return {f"climate.{name}": getattr(climate, name) for name in names}
+    several: Sequence[Sequence[ClimateRecord]], vehicle: Vehicle
+) -> list[dict[str, float | tuple[float, ...]]]:
+    """Interior heat capacity of the cabin and, from trips in warm air, the compressor's least power and cooling efficiency.
 
-
-def _scaled(climate: Climate, name: str, width: float, records: Sequence[ClimateRecord]) -> Climate:
-    """Scale one value of a climate control by the factor that fits the logged power by minutes best.
-
-    Returns the climate control unchanged if the best factor is `FARTHEST` widths away: such a log does not have this signal.
+    Returns the values that each of several choices of trips shows. The searches go on side by side, because a simulation of many cabins
+    takes little longer than one of a few.
     """
+    if vehicle.climate is None:
+        return [{} for _ in several]
+    climates = _scaled(
+        [vehicle.climate] * len(several), "interior_heat_capacity_j_k", INTERIOR_WIDTH, several
+    )
+    # from 15 °C on a compressor cools the cabin; a choice
+    warm = [[r for r in records if r.ambient_temperature_degc > 15.0] for records in several]
+    running = [[r.min_w for r in records if np.isfinite(r.min_w)] for records in warm]
+    cooled = [k for k, powers in enumerate(running) if len(powers) >= MIN_TRIPS]
+    at_least = [_with_least_power(climates[k], running[k]) for k in cooled]
+    found = _scaled(at_least, "cooler_cop", COOLER_WIDTH, [warm[k] for k in cooled])
+    names = ("interior_heat_capacity_j_k", "compressor_idle_w", "cooler_cop")
+    shown = dict(zip(cooled, found, strict=True))
+    return [
+        {f"climate.{n}": getattr(shown.get(k, climate), n) for n in (names if k in shown else names[:1])}
+        for k, climate in enumerate(climates)
+    ]
+
+
+def _with_least_power(climate: Climate, running: Sequence[float]) -> Climate:
+    known, prior = len(running) / max(float(np.var(running, ddof=1)), 1.0), IDLE_WIDTH_W**-2
+    published = climate.compressor_idle_w
+    least = (known * float(np.median(running)) + prior * published) / (known + prior)
+    is_near = abs(least - published) <= FARTHEST * IDLE_WIDTH_W
+    return replace(climate, compressor_idle_w=least) if is_near else climate
+
+
+def _scaled(
+    climates: Sequence[Climate], name: str, width: float, several: Sequence[Sequence[ClimateRecord]]
+) -> list[Climate]:
+    """Scale one value of each climate control by the factor that fits the logged power by minutes of its trips best.
+
+    A climate control is unchanged if the best factor is `FARTHEST` widths away: such a log does not have this signal.
+    """
+    observed = [np.concatenate([r.power_w for r in records]) for records in several]
+    # minutes of a trip scatter together: a trip counts as four of them; a choice
+    weights = [
+        np.concatenate([np.full(len(r.power_w), 4.0 / len(r.power_w)) for r in records])
+        for records in several
+    ]
+    farthest = FARTHEST * width
+    costs: list[dict[float, float]] = [{} for _ in several]
+    places = [_least(known, farthest) for known in costs]
+
+    def at(k: int) -> Climate:
+        return replace(climates[k], **{name: getattr(climates[k], name) * math.exp(places[k][0])})
+
+    while left := [k for k, (_, is_least) in enumerate(places) if not is_least]:
+        powers = _by_minute([at(k) for k in left], [several[k] for k in left])
+        for k, power in zip(left, powers, strict=True):
+            # scatter of the power of one minute: settings of the driver, seats, sun; a choice
+            error, log = (power - observed[k]) / 600.0, places[k][0]
+            # the sun and the driver have tails
+            tails = float(weights[k] @ (np.sqrt(1.0 + error * error) - 1.0))
+            costs[k][log] = 0.5 * (log / width) ** 2 + tails
+            places[k] = _least(costs[k], farthest)
+    return [c if abs(places[k][0]) >= 0.98 * farthest else at(k) for k, c in enumerate(climates)]
+
+
+def _least(costs: dict[float, float], farthest: float) -> tuple[float, bool]:
+    """Place of the least cost and True, or the next place whose cost the search needs and False; `costs` are those of known places."""
     from scipy.optimize import minimize_scalar  # scipy is slow to import
 
-    observed = np.concatenate([r.power_w for r in records])
-    # minutes of a trip scatter together: a trip counts as four of them; a choice
-    weights = np.concatenate([np.full(len(r.power_w), 4.0 / len(r.power_w)) for r in records])
-    farthest = FARTHEST * width
-
-    def at(log: float) -> Climate:
-        return replace(climate, **{name: getattr(climate, name) * math.exp(log)})
-
-    def cost(log: float) -> float:
-        # scatter of the power of one minute: settings of the driver, seats, sun; a choice
-        error = (_by_minute(at(log), records) - observed) / 600.0
-        # the sun and the driver have tails
-        return 0.5 * (log / width) ** 2 + float(weights @ (np.sqrt(1.0 + error * error) - 1.0))
-
-    found = minimize_scalar(cost, bounds=(-farthest, farthest), method="bounded", options={"xatol": 1e-5})
-    best = float(found.x)
-    return climate if abs(best) >= 0.98 * farthest else at(best)
+    bounds, options = (-farthest, farthest), {"xatol": 1e-5}
+    try:  # the search starts anew with all known costs, which takes less than one cost
+        found = minimize_scalar(costs.__getitem__, bounds=bounds, method="bounded", options=options)
+    except KeyError as place:
+        return float(place.args[0]), False
+    return float(found.x), True
 
 
-def _by_minute(climate: Climate, records: Sequence[ClimateRecord]) -> FloatArray:
-    """Simulated power of heater and compressor by minutes [W], of all trips in order."""
-    controls = [control_values(climate, r.ambient_temperature_degc, r.start) for r in records]
-    steps = control_steps(controls, [r.speed_m_s for r in records])
-    powers = []
-    for record, (heat, *_) in zip(records, steps, strict=True):
-        reached = np.interp(record.ends, np.arange(len(heat) + 1.0), running_sum(heat))
-        sums = (reached[1:] - reached[:-1]) / record.lengths
-        sums[0] += heat[0]  # the first sample has no interval
-        sums[-2] += sums[-1]
-        powers.append(sums[:-1] / record.samples)
-    return np.concatenate(powers)
+def _by_minute(
+    climates: Sequence[Climate], several: Sequence[Sequence[ClimateRecord]]
+) -> Iterator[FloatArray]:
+    """Simulated power of heater and compressor by minutes [W], of all trips in order, for each climate control and its trips."""
+    pairs = [(climate, r) for climate, records in zip(climates, several, strict=True) for r in records]
+    controls = [control_values(climate, r.ambient_temperature_degc, r.start) for climate, r in pairs]
+    steps = iter(control_steps(controls, [r.speed_m_s for _, r in pairs]))
+    for records in several:
+        powers = []
+        for record, (heat, *_) in zip(records, steps, strict=False):
+            reached = np.interp(record.ends, np.arange(len(heat) + 1.0), running_sum(heat))
+            sums = (reached[1:] - reached[:-1]) / record.lengths
+            sums[0] += heat[0]  # the first sample has no interval
+            sums[-2] += sums[-1]
+            powers.append(sums[:-1] / record.samples)
+        yield np.concatenate(powers)

@@ -238,21 +238,32 @@ def identify(records: Sequence[StageRecord], vehicle: Vehicle) -> Identified:
     >>> dict(identify([], load_vehicle("bmw_i3_60ah")).values)
     {}
     """
-    values: _Values = {}
-    trips: dict[str, int] = {}
-    signals: tuple[tuple[Callable[[Any, Vehicle], _Values], list[Any]], ...] = (
-        (_road_values, [r for r in records if len(r.road)]),
-        (_fade_values, [r.braking for r in records if r.braking.any()]),
-        (_base_value, [r.standing_w for r in records if np.isfinite(r.standing_w)]),
-        (climate_values, [r.climate for r in records if r.climate is not None]),
-        (_curve_value, [r.rest for r in records if len(r.rest)]),
-    )
-    for values_of, seen in signals:
-        if len(seen) >= MIN_TRIPS:
-            known = values_of(seen, vehicle)
-            values |= known
-            trips |= dict.fromkeys(known, len(seen))
-    return Identified(MappingProxyType(values), MappingProxyType(trips))
+    return identify_each([records], vehicle)[0]
+
+
+def identify_each(several: Sequence[Sequence[StageRecord]], vehicle: Vehicle) -> list[Identified]:
+    """Most probable values of a car from each of several choices of trips, as `identify` finds them, in less time."""
+    climates = [[r.climate for r in records if r.climate is not None] for records in several]
+    enough = [seen for seen in climates if len(seen) >= MIN_TRIPS]
+    of_climate = iter(climate_values(enough, vehicle))
+    found = []
+    for records, climate in zip(several, climates, strict=True):
+        values: _Values = {}
+        trips: dict[str, int] = {}
+        signals: tuple[tuple[Callable[[Any, Vehicle], _Values], list[Any]], ...] = (
+            (_road_values, [r for r in records if len(r.road)]),
+            (_fade_values, [r.braking for r in records if r.braking.any()]),
+            (_base_value, [r.standing_w for r in records if np.isfinite(r.standing_w)]),
+            (lambda _, __: next(of_climate), climate),
+            (_curve_value, [r.rest for r in records if len(r.rest)]),
+        )
+        for values_of, seen in signals:
+            if len(seen) >= MIN_TRIPS:
+                known = values_of(seen, vehicle)
+                values |= known
+                trips |= dict.fromkeys(known, len(seen))
+        found.append(Identified(MappingProxyType(values), MappingProxyType(trips)))
+    return found
 
 
 _Values = dict[str, float | tuple[float, ...]]

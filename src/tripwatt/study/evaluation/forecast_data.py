@@ -14,7 +14,7 @@ import pandas as pd
 
 from tripwatt.arrays import FloatArray, IntArray, distance_driven
 from tripwatt.errors import InvalidInput
-from tripwatt.hybrid import SegmentTable, StageRecord, identify, resimulated, segment_trips, stage_record
+from tripwatt.hybrid import SegmentTable, StageRecord, identify_each, resimulated, segment_trips, stage_record
 from tripwatt.hybrid.climate_log import TOLD_BY
 from tripwatt.hybrid.rows import taken
 from tripwatt.hybrid.segments import SEGMENT_S
@@ -107,9 +107,8 @@ class ForecastData:
 
         O(samples) for each choice. The table is `segments` itself if the signals change nothing of the car.
         """
-        cars = [
-            identify([self.stages[i] for i in train], self.vehicle).applied(self.vehicle) for train in trains
-        ]
+        shown = identify_each([[self.stages[i] for i in train] for train in trains], self.vehicle)
+        cars = [values.applied(self.vehicle) for values in shown]
         new = [car for car in cars if car is not self.vehicle]
         tables = iter(resimulated(self.segments, self.plans, new))
         return [(car, self.segments if car is self.vehicle else next(tables)) for car in cars]
