@@ -16,6 +16,8 @@ from tripwatt_gamm.arrays import BoolArray, FloatArray, Index
 
 def by_level(blocks: FloatArray, M: FloatArray) -> FloatArray:
     """Multiply the rows (q L, ...) of M, effect by effect, by the matrix of each level in `blocks` (q, q, L)."""
+    if not blocks.size:
+        return M
     q, _, count = blocks.shape
     product = np.einsum("abl,bl...->al...", blocks, M.reshape(q, count, *M.shape[1:]))
     return np.asarray(product.reshape(M.shape))

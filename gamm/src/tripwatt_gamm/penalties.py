@@ -7,10 +7,12 @@ Several penalties share one range space, in which log|S|+ is exact for smoothing
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
-from scipy.linalg import block_diag, eigh, qr
+from scipy.linalg import eigh, lapack
 
 from tripwatt_gamm.arrays import FloatArray
 from tripwatt_gamm.gram import Factor, Gram
@@ -79,20 +81,28 @@ class PenaltyBlock:
             roots.append(np.sqrt(values[positive])[:, None] * W[:, positive].T)
         return cls(start, stop, copies, rank, vectors, in_range, roots, sizes)
 
-    def log_determinant(self, rho: FloatArray) -> tuple[float, FloatArray, FloatArray]:
-        """Return log|S|+, its gradient and its Hessian in the log smoothing parameters `rho` of the block.
+    def log_determinant(
+        self, rho: FloatArray, derivatives: bool = True
+    ) -> tuple[float, FloatArray, FloatArray]:
+        """Return log|S|+, its gradient and its Hessian in the log smoothing parameters `rho` of the block; zeros without `derivatives`.
 
         The QR decomposition of the stacked, sorted square roots is stable under scaling of rows.
         """
         n, order = self.copies, np.argsort(-rho)
         stacked = np.vstack([np.exp(rho[j] / 2) * self.roots[j] for j in order])
-        Q, R, _ = qr(stacked, mode="economic", pivoting=True)
+        # much faster than through `scipy.linalg.qr` for matrices of this size
+        R, _, tau, *_ = lapack.dgeqp3(stacked)
+        value = 2 * n * float(np.log(np.abs(np.diag(R))).sum())
+        if not derivatives:
+            return value, np.zeros(len(rho)), np.zeros((len(rho), len(rho)))
+        Q = lapack.dorgqr(R[:, : len(tau)], tau)[0]
         # the rows of Q that belong to penalty j give lambda_j S_j in the basis in which the sum is the identity
-        pieces = np.split(Q, np.cumsum([len(self.roots[j]) for j in order])[:-1])
+        ends = np.cumsum([0, *(len(self.roots[j]) for j in order)]).tolist()
+        pieces = [Q[start:end] for start, end in itertools.pairwise(ends)]
         weighted = [pieces[i].T @ pieces[i] for i in np.argsort(order)]
         gradient = np.array([np.trace(W) for W in weighted])
         hessian = np.diag(gradient) - np.array([[float((A * B).sum()) for A in weighted] for B in weighted])
-        return 2 * n * float(np.log(np.abs(np.diag(R))).sum()), n * gradient, n * hessian
+        return value, n * gradient, n * hessian
 
 
 def correlated_penalties(loadings: FloatArray, sizes: FloatArray) -> tuple[list[FloatArray], FloatArray]:
@@ -138,6 +148,11 @@ class Penalty:
     copies: int
     trace: float
     log_most: float
+
+    @cached_property
+    def full(self) -> FloatArray:
+        """Penalty of all copies, which many eliminated levels never need."""
+        return np.asarray(np.kron(self.matrix, np.eye(self.copies)), dtype=np.float64)
 
     def times(self, M: FloatArray) -> FloatArray:
         """Multiply the penalty by the rows `where` of a vector or a matrix."""
@@ -229,18 +244,21 @@ class PenaltyStack:
         corner = gram.corner.copy()
         for penalty, r in zip(self.penalties, rho, strict=True):
             if penalty.where.start < len(corner):
-                full = np.kron(penalty.matrix, np.eye(penalty.copies))
-                corner[penalty.where, penalty.where] += np.exp(r) * full
+                corner[penalty.where, penalty.where] += np.exp(r) * penalty.full
         levels = self._of_levels(rho, gram.blocks).sum(axis=0)
         return Gram(corner, gram.border, gram.blocks + levels[:, :, None])
 
-    def log_determinant(self, rho: FloatArray) -> tuple[float, FloatArray, FloatArray]:
-        """Return log|S|+, its gradient (M,) and its Hessian (M, M) in `rho`."""
+    def log_determinant(
+        self, rho: FloatArray, derivatives: bool = True
+    ) -> tuple[float, FloatArray, FloatArray]:
+        """Return log|S|+, its gradient (M,) and its Hessian (M, M) in `rho`; zeros without `derivatives`."""
         ends = np.cumsum([len(block.matrices) for block in self.blocks], dtype=np.intp)
-        own = zip(self.blocks, np.split(rho, ends)[:-1], strict=True)
-        parts = [(0.0, np.zeros(0), np.zeros((0, 0))), *(block.log_determinant(r) for block, r in own)]
-        values, gradients, hessians = zip(*parts, strict=True)
-        return sum(values), np.concatenate(gradients), block_diag(*hessians)
+        value, gradient, hessian, start = 0.0, np.zeros(self.size), np.zeros((self.size, self.size)), 0
+        for block, end in zip(self.blocks, ends.tolist(), strict=True):
+            own, start = slice(start, end), end
+            part, gradient[own], hessian[own, own] = block.log_determinant(rho[own], derivatives)
+            value += part
+        return value, gradient, hessian
 
     def products(self, rho: FloatArray, beta: FloatArray) -> FloatArray:
         """Return lambda_j S_j beta for every penalty j, as the columns of (p, M)."""
@@ -256,7 +274,10 @@ class PenaltyStack:
         for j, (penalty, r) in enumerate(zip(self.penalties, rho, strict=True)):
             own = root[penalty.where]
             inner[j] = np.exp(r) * own.T @ penalty.times(own)
-        flat, levels = inner.reshape(self.size, root.shape[1] ** 2), self._of_levels(rho, E)
+        flat = inner.reshape(self.size, root.shape[1] ** 2)
+        if not E.size:
+            return np.trace(inner, axis1=1, axis2=2), flat @ flat.T
+        levels = self._of_levels(rho, E)
         own = root[root.shape[1] :].reshape(*E.shape[1:], root.shape[1])
         # of the product of the roots, only the blocks of the levels meet the inverses of the levels
         both = E + 2 * np.einsum("ald,bld->abl", own, own)
