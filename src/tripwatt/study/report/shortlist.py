@@ -1,4 +1,4 @@
-"""The short table of a run, for the terminal and the README: the models of a published comparison, or the best of each kind."""
+"""The short table of a run, for the terminal: the best model of each kind, and the models of a published comparison."""
 
 from __future__ import annotations
 
@@ -25,18 +25,17 @@ def short_table_models(view: View) -> list[str]:
     (the best other baseline), the simulation (the best physics alone), a learner (the best model without physics).
     The best model has the lowest mean error in the main evaluation. The forecast comes last, preceded by its
     variant with only published values of the car if the run has that. Where a paper has published errors on the data
-    set, the models are those of the paper, our simulation, the learners without physics, and the best of all.
+    set, the models of the paper stand among them, in the order of the tables.
     """
     names, models = view.models, view.main["models"]
     if len(names) <= SHORT_ROWS:
         return names
-    if view.published:
-        kept = {*view.published, min(names, key=lambda m: float(models[m]["mape"]))}
-        return [n for n in names if n in kept or model_style(n).kind in ("physics", "data")]
     kinds = by_key(names, lambda name: model_style(name).kind)
     best = {kind: min(of_kind, key=lambda m: float(models[m]["mape"])) for kind, of_kind in kinds.items()}
     if view.best is not None:
         best[model_style(view.best).kind] = view.best
+    if view.published:
+        return [name for name in names if name in view.published or name in best.values()]
     shown = [best[kind] for kind in _KINDS if kind in best]
     published = model_style(shown[-1]).published
     if published is None or published not in models:
