@@ -31,11 +31,16 @@ def test_the_page_shows_the_published_results(protocol: str, model: str, tmp_pat
     changed = json.loads(published)
     for scored in (changed["evaluations"][0], changed.get("studies", changed["evaluations"][0])):
         scored["models"][model]["mape"] = 0.777
+        if protocol == "forecast":
+            scored["models"][model]["arrival"]["soc"]["coverage_ci95"] = [0.2, 0.3]
     (tmp_path / "results.json").write_text(json.dumps(changed), encoding="utf-8")
     publish_results.publish(tmp_path, tmp_path / "results", page)
     assert "77.7" in page.read_text(encoding="utf-8")
     paper = (tmp_path / "paper.md").read_text(encoding="utf-8")
     assert ("77.7" in paper) == (protocol == "paper")
+    off = "90 % of charge in leave one trip out, 58 reference trips: 93 % (20 to 30)"
+    uncertainty = (tmp_path / "uncertainty.md").read_text(encoding="utf-8").replace("\u00a0", " ")
+    assert (off in uncertainty) == (protocol == "forecast")
 
 
 def test_values_from_the_scored_logs_are_named_beside_their_figures() -> None:

@@ -16,6 +16,7 @@ from tools.docs.tables import CELLS_NOTE, intervals_side_by_side, markdown, on_n
 from tripwatt.errors import InvalidInput
 from tripwatt.files import write_bytes
 from tripwatt.study.evaluation import DEFAULT_PROTOCOL
+from tripwatt.study.report.intervals import STAR, intervals_table
 from tripwatt.study.report.panels.paired import SIGNIFICANCE_NOTE
 from tripwatt.study.report.panels.results_table import results_table, sets_table
 from tripwatt.study.report.panels.uncertainty import coverage_by_set, scored_sets, updates_table
@@ -63,19 +64,21 @@ def render_forecast(results: Mapping[str, Any]) -> str:
 
 
 def on_sets(view: View) -> str:
-    """What the intervals of 50 and 90 % hold over all sets of held-out trips, and where a share is off its level."""
+    """What the intervals of energy of 50 and 90 % hold over all sets of held-out trips, and where a share of energy or charge is off its level."""
     scored, off = scored_sets(view), []
     spans = []
     for key in ("0.5", "0.9"):
         shares = [100.0 * score["coverage"][key] for _, score, _ in scored]
         spans.append(f"{100.0 * float(key):g} % interval holds {min(shares):.0f} to {max(shares):.0f} %")
-    for name, score, _ in scored:
-        bounds = score["coverage_ci95"].items()
+    for name, score, trips in scored:
+        rows = intervals_table("", [(name, score, trips)]).rows
         off += [
-            f"{100.0 * float(k):g} % in {name}" for k, (low, high) in bounds if not low <= float(k) <= high
+            f"{of} in {name}: {share.removesuffix(STAR)} % ({ci95})"
+            for _, of, _, share, ci95, *_ in rows
+            if share.endswith(STAR)
         ]
     return (
-        f"Over {len(scored)} sets of held-out trips the {' and the '.join(spans)} of the trips. Levels from which the share "
+        f"Over {len(scored)} sets of held-out trips the {' and the '.join(spans)} of the trips' energies. Levels from which the share "
         f"differs significantly (Clopper-Pearson, 95 %): {listed(off)}."
     )
 
@@ -119,10 +122,7 @@ def update_results_page(results: Mapping[str, Any], page_path: Path) -> None:
 
 def update_coverage(results: Mapping[str, Any], page_path: Path) -> None:
     """Replace what stands between the markers `coverage` of a page by what the intervals of the forecast held, and of which car."""
-    car, sets = load_vehicle(results["vehicle"]).title, len(results["evaluations"])
-    cut = (
-        f"All sets are cut from the trips of one car, a {car}: they are {sets} ways to divide the same trips."
-    )
+    cut = f"All sets divide the same trips of one car, a {load_vehicle(results['vehicle']).title}."
     _between(page_path, "coverage", f"{on_sets(View(results))} {cut}")
 
 
