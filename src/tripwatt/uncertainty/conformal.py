@@ -81,8 +81,9 @@ class ConformalScores:
     def factor(self, level: float) -> float:
         """Half width of a central interval of the given level, in standard deviations.
 
-        The k-th of n scores covers a new trip with probability k / (n + 1), whatever the distribution; levels in
-        between are interpolated.
+        If trips are exchangeable, and centre and scale come from other trips than the scores, the k-th of n scores covers
+        a new trip with a probability of at least k / (n + 1), whatever the distribution. The scores of a fit come from the
+        trips of its centre and scale, so this is no guarantee. Levels in between are interpolated.
 
         Parameters
         ----------
