@@ -1,8 +1,9 @@
 """How good the forecast of a planned route is: leave one trip out, each trip once as driven and once from its links.
 
 Run: ``python -m benchmarks.planned --json links.json`` and publish with ``python -m tools.docs.publish_results links.json``.
-Needs TRIPWATT_DATA. The 58 TUM reference trips; one fit of the default forecaster for each left-out trip, its doubt of
-planned routes learned inside the fold; the same fitted model forecasts the driven trace, which is the best case, the links of 250 m and those of
+Needs TRIPWATT_DATA. The 58 TUM reference trips; one fit for each left-out trip of the default corrector on the car's published values,
+`hybrid-published` of the protocol `forecast` and not its `hybrid`, whose values are identified; the doubt of planned routes is learned inside the
+fold; the same fitted model forecasts the driven trace, which is the best case, the links of 250 m and those of
 1 km, all made from the held-out drive, and again after half of the time. A link's speed is its length over its time, standstill included;
 elevation is known at the links' ends; stops are not given. Everything else that a forecast knows at departure is the
 first sample of the trip.
