@@ -148,6 +148,8 @@ def test_readme_and_pages_show_every_outside_check() -> None:
     )
     means = [100 * sum(s["error"] for s in each) / len(unseen) for each in zip(*scores, strict=True)]
     assert f"Unseen cars: {means[0]:.1f} %, learning from their trips: {means[1]:.1f} %" in line
+    held = [100 * sum(s["coverage"] for s in each) / len(unseen) for each in zip(*scores, strict=True)]
+    assert f"intervals hold {held[0]:.0f} and {held[1]:.0f} %" in line
     before["cars"][0]["known"]["before departure, times of another car"]["error"] += 1.0
     assert accuracy_page.line(cars, before) != line
     groups = [check["group"] for check in outside["checks"]]

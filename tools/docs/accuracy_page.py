@@ -65,11 +65,6 @@ def learned(car: Record) -> Record:
     return scores
 
 
-def _pooled(scores: Sequence[Record]) -> float:
-    """Share of the trips of all cars inside their interval."""
-    return float(sum(s["coverage"] * s["trips"] for s in scores) / sum(s["trips"] for s in scores))
-
-
 def line(cars: Record, before: Record) -> str:
     """The line of the README: the same trips of the same cars without and with own trips, and one kind of error throughout."""
     unseen = [car for car in cars["cars"] if car["car"] != BUILT_ON]
@@ -78,14 +73,14 @@ def line(cars: Record, before: Record) -> str:
     errors = [[score["error"] for score in scores] for scores in both]
     means = [f"{number(np.mean(each), 100, 1)} %" for each in errors]
     by_car = " and ".join(span([min(each), max(each)]) for each in errors)
-    held = " and ".join(number(_pooled(scores), 100, 0) for scores in both)
+    held = " and ".join(number(np.mean([s["coverage"] for s in scores]), 100, 0) for scores in both)
     of_first = " and ".join(number(of(first)["error"], 100, 1) for of in (without_trips, learned))
     twizy = before["cars"][0]
     planned = number(twizy["known"][ELSEWHERE]["error"], 100, 1)
     return (
-        f"**Unseen cars: {means[0]}, learning from their trips: {means[1]}, 90 % intervals hold {held} %**: the error over the energy, in the "
-        f"mean of {len(unseen)} cars (by car {by_car} %), and the trips inside. All {sum(car['trips'] for car in unseen)} trips are forecast twice, "
-        f"given the driven speed trace: without trips of the car, then from its earlier trips. The {first['vehicle_title']}, whose logs the physics "
+        f"**Unseen cars: {means[0]}, learning from their trips: {means[1]}, 90 % intervals hold {held} %**: development figures, "
+        f"means of {len(unseen)} cars of the error over the energy (by car {by_car} %) and of trips inside. All {sum(car['trips'] for car in unseen)} trips are forecast twice, "
+        f"given the driven trace: without trips of the car, then from its earlier trips. The {first['vehicle_title']}, whose logs the physics "
         f"was built on, is left out ({of_first} %). On a planned road with travel times of another car, {twizy['trips']} trips err by {planned} %."
     )
 
