@@ -171,7 +171,7 @@ describe("flags", () => {
       "The value in the file is used for the outside temperature: 68 °F.",
     ]);
     assert.deepEqual(sentencesOf([flag("links_too_long", "links", 2345, "m")], "de"), [
-      "Die Straßenabschnitte sind im Mittel 2,3 km lang und damit länger als die, für die die Genauigkeit bekannt ist. Der Bereich ist vielleicht zu schmal.",
+      "Benachbarte Straßenabschnitte mit gleicher Geschwindigkeit gelten als einer: Sie sind im Mittel 2,3 km lang und damit länger als die, für die die Genauigkeit bekannt ist. Der Bereich ist vielleicht zu schmal.",
     ]);
   });
 
