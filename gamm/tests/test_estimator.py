@@ -131,3 +131,44 @@ def test_a_level_that_is_unknown_or_missing_has_no_effect():
     assert model.predict(new.assign(subject=308), exclude=["(1+days|subject)"]) == pytest.approx(line)
     with pytest.raises(InvalidInput, match="unknown column: 'days'"):
         model.predict(new[["subject"]])
+
+
+def test_the_error_of_a_new_level_has_the_variance_of_its_effect():
+    rng, n = np.random.default_rng(3), 8
+    y = np.repeat(rng.normal(0.0, 2.0, 12), n) + rng.standard_normal(12 * n)
+    frame = pd.DataFrame(
+        {"y": y, "g": pd.Categorical(np.repeat(list("abcdefghijkl"), n), [*"abcdefghijklm"])}
+    )
+    means = y.reshape(12, n).mean(axis=1)
+    within, between = ((y - np.repeat(means, n)) ** 2).sum() / (12 * (n - 1)), n * means.var(ddof=1)
+    model = GAMM('y ~ s(g, bs="re")').fit(frame)
+    new = pd.DataFrame({"g": ["m", "new", "new", "other", "a"]})  # training declares "m", without rows
+    error = model.intervals(new)["std_error"].to_numpy()
+    constant = between / (12 * n)
+    assert error[:4] == pytest.approx(np.sqrt((between - within) / n + constant), rel=1e-4)
+    assert error[4] < np.sqrt(between / n) / 2
+    assert model.intervals(new, exclude=["s(g)"])["std_error"].to_numpy() == pytest.approx(
+        np.sqrt(constant), rel=1e-4
+    )
+    assert model.intervals(new[[]])["std_error"].to_numpy() == pytest.approx(error[0])
+    covariance = np.cov(model.sample(new, 20_000).T)
+    assert np.sqrt(np.diag(covariance)) == pytest.approx(error, rel=0.03)
+    assert covariance[1, 2] == pytest.approx(error[1] ** 2, rel=0.05)
+    assert covariance[1, 3] == pytest.approx(constant, abs=0.05 * error[1] ** 2)
+    alone, pair, both = (model.intervals(new.iloc[i], simultaneous=True) for i in ([1], [1, 2], [1, 3]))
+    widths = [(band["upper"] - band["lower"]).iloc[0] for band in (alone, pair, both)]
+    assert widths[0] == pytest.approx(widths[1])
+    assert widths[2] > 1.05 * widths[0]
+
+
+@pytest.mark.parametrize("effects", ["(1 + days | g)", 's(days, g, bs="fs", k=4)', 's(g, days, bs="re")'])
+def test_a_new_level_has_the_error_of_a_level_that_is_declared_without_rows(effects):
+    frame = study("sleepstudy")
+    levels = [*sorted(map(str, frame["subject"].unique())), "empty"]
+    frame = frame.assign(g=pd.Categorical(frame["subject"].astype(str), levels))
+    model = GAMM(f"reaction ~ days + {effects}").fit(frame)
+    new = pd.DataFrame({"days": [0.0, 3.0, 9.0]})
+    known, empty, unknown = (model.intervals(new.assign(g=g)) for g in ("308", "empty", "999"))
+    assert unknown["mean"].to_numpy() == pytest.approx(empty["mean"].to_numpy())
+    assert unknown["std_error"].to_numpy() == pytest.approx(empty["std_error"].to_numpy(), rel=1e-6)
+    assert known["std_error"].iloc[2] < 0.7 * unknown["std_error"].iloc[2]

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TypeAlias
 
 import numpy as np
 import pandas as pd
@@ -151,9 +150,6 @@ class _Piece:
         return self.scale is None and (fitted.kind == "random" or bool(fitted.contrasts) or not fitted.term)
 
 
-_LevelParts: TypeAlias = list[tuple[int, FittedTerm, slice]]
-
-
 @dataclass
 class _Builder:
     """Collects fitted terms and parts of the matrix while the terms of a formula are built."""
@@ -250,10 +246,8 @@ class _Builder:
         levels, codes = self.factor(groups)
         size = len(levels.names)
         if size < 2:
-            fix = "leave the random effect out"
-            raise InvalidInput.of(
-                "only one group", term.label, f"level {levels.names[0]!r}", "two or more levels", fix
-            )
+            got, fix = f"level {levels.names[0]!r}", "leave the random effect out"
+            raise InvalidInput.of("only one group", term.label, got, "two or more levels", fix)
         fitted = FittedTerm(term.label, term, "random", [], [np.eye(1)], groups=groups, copies=size)
         points = [self.points((name,)) for name in fitted.needed]
         effects = fitted.multipliers([at.values[at.index, 0] for at in points])
@@ -298,21 +292,12 @@ class _Builder:
         if len(levels.names) <= first:
             allowed, fix = "at least two levels", "leave the term out"
             raise InvalidInput.of("factor with one level", term.label, levels.names[0], allowed, fix)
-        parts: _LevelParts = []
+        padded = np.pad(built.table, ((0, 1), (0, 0)))  # the last row is that of other levels
         for i in range(first, len(levels.names)):
-            name = levels.names[i]
-            fitted = replace(self._fitted_term(term, built, term.label + name), level=name)
-            self.coverage.members[term.names, term.by, name] = codes == i
-            parts.append((i, fitted, slice(None)))
-        self.terms += [fitted for _, fitted, _ in parts]
-        self._level_pieces(built, points.index, codes, parts)
-
-    def _level_pieces(self, built: Built, index: Index, codes: Index, parts: _LevelParts) -> None:
-        """Add the columns of each level in `kept`: its term and its part of the columns of this term."""
-        padded, outside = np.pad(built.table, ((0, 1), (0, 0))), len(built.table)
-        for i, fitted, part in parts:
-            own = np.where(codes == i, index, outside)
-            self.pieces.append(_Piece(fitted, padded, own, part=part))
+            name, own = levels.names[i], codes == i
+            self.terms.append(replace(self._fitted_term(term, built, term.label + name), level=name))
+            self.coverage.members[term.names, term.by, name] = own
+            self.pieces.append(_Piece(self.terms[-1], padded, np.where(own, points.index, len(built.table))))
 
     def factor_smooth(self, term: Smooth) -> None:
         """Add a random curve for each level of a factor."""
@@ -323,10 +308,11 @@ class _Builder:
         (levels, codes), built = self.factor((by,)), build_factor_smooth(term, points)
         self.notes += built.notes
         count = len(levels.names)
-        fitted = self._fitted_term(term, built, term.label, count)
-        self.terms.append(fitted)
-        parts = [(i, fitted, slice(i, None, count)) for i in range(count)]
-        self._level_pieces(built, points.index, codes, parts)
+        self.terms.append(self._fitted_term(term, built, term.label, count))
+        padded = np.pad(built.table, ((0, 1), (0, 0)))
+        for i in range(count):
+            own, part = np.where(codes == i, points.index, len(built.table)), slice(i, None, count)
+            self.pieces.append(_Piece(self.terms[-1], padded, own, part=part))
 
     def _fitted_term(self, term: Smooth | Tensor, built: Built, label: str, copies: int = 1) -> FittedTerm:
         names, matrices = [f"{label}.{i + 1}" for i in range(built.table.shape[1] * copies)], built.penalties

@@ -15,7 +15,7 @@ from tripwatt_gamm.arrays import BoolArray, FloatArray, Index
 from tripwatt_gamm.covariates import missing_columns, named_column, numbers, response, row_values
 from tripwatt_gamm.design import Design, build_design
 from tripwatt_gamm.errors import Fault, InvalidInput, NotFittedError, raise_faults
-from tripwatt_gamm.families import FAMILIES, Family, Link, Response, ScaledT
+from tripwatt_gamm.families import FAMILIES, Family, Response, ScaledT
 from tripwatt_gamm.fitted_terms import Extrapolation, FittedTerm
 from tripwatt_gamm.formula import nearest, parse_formula
 from tripwatt_gamm.leaveout import Work, leave_out
@@ -158,12 +158,11 @@ class Estimator:
         Notes
         -----
         A factor level without training rows has the mean effect of the training rows. An unknown level of a random
-        effect has the effect 0. Covariates outside their range follow `extrapolation`.
+        effect, or of curves of a factor, has the effect 0. Covariates outside their range follow `extrapolation`.
         """
-        parts = [X @ self.coef_ for X in self._matrices(frame, exclude)]
+        parts = [X @ self.coef_ for _, X in self._matrices(frame, exclude)]
         eta = np.concatenate([np.zeros(0), *parts]) + self._known(frame, offset)
-        link: Link = self.family_.link
-        return link.mean(eta) if scale == "response" else eta
+        return np.asarray(self.family_.link.mean(eta)) if scale == "response" else eta
 
     def intervals(
         self,
@@ -174,6 +173,9 @@ class Estimator:
         simultaneous: bool = False,
     ) -> pd.DataFrame:
         """Compute intervals of the mean, from the posterior distribution of the coefficients.
+
+        If the level of a random effect or of curves of a factor is unknown, or its column is missing, the variance of the effect is in
+        them. Exclude the term for the interval at an effect of 0.
 
         Parameters
         ----------
@@ -192,12 +194,12 @@ class Estimator:
             ``predictor`` and ``std_error`` of the linear predictor; ``mean``, ``lower`` and ``upper`` of the mean.
         """
         predictor, link = self.predict(frame, exclude, offset, "link"), self.family_.link
-        draws = self.posterior(DRAWS) - self.coef_ if simultaneous else np.zeros((0, len(self.coef_)))
-        errors, largest = [np.zeros(0)], np.zeros(len(draws))
-        for X in self._matrices(frame, exclude):
-            errors.append(np.sqrt(np.maximum(np.einsum("ij,ij->i", X @ self.Vp_, X), 0.0)))
-            deviations = np.abs(draws @ X.T) / np.maximum(errors[-1], 1e-300)
-            largest = np.maximum(largest, deviations.max(axis=1, initial=0.0))
+        draws = DRAWS if simultaneous else 0
+        errors, largest = [np.zeros(0)], np.zeros(draws)
+        for error, deviations in self._deviations(frame, exclude, draws, seed=0):
+            errors.append(error)
+            relative = np.abs(deviations) / np.maximum(error, 1e-300)
+            largest = np.maximum(largest, relative.max(axis=1, initial=0.0))
         error = np.concatenate(errors)
         half = error * (np.quantile(largest, level) if simultaneous else norm.ppf((1 + level) / 2))
         columns = {"predictor": predictor, "std_error": error, "mean": link.mean(predictor)}
@@ -222,7 +224,7 @@ class Estimator:
         return rng.multivariate_normal(self.coef_, self.Vp_, n, check_valid="ignore", method="eigh")
 
     def sample(self, frame: pd.DataFrame, n: int = 1000, seed: int = 0, offset: object = None) -> FloatArray:
-        """Draw predictions of the mean from their posterior distribution.
+        """Draw predictions of the mean from their posterior distribution; an unknown level has a drawn effect.
 
         Parameters
         ----------
@@ -235,9 +237,29 @@ class Estimator:
         -------
         ndarray, shape (n, rows)
         """
-        draws, known = self.posterior(n, seed), self._known(frame, offset)
-        parts = [draws @ X.T for X in self._matrices(frame, ())]
-        return np.asarray(self.family_.link.mean(np.hstack([np.zeros((n, 0)), *parts]) + known))
+        parts = [deviations for _, deviations in self._deviations(frame, (), n, seed)]
+        eta = self.predict(frame, offset=offset, scale="link") + np.hstack([np.zeros((n, 0)), *parts])
+        return np.asarray(self.family_.link.mean(eta))
+
+    def _deviations(
+        self, frame: pd.DataFrame, exclude: Collection[str], n: int, seed: int
+    ) -> Iterator[tuple[FloatArray, FloatArray]]:
+        """Yield the standard errors of the linear predictor of successive rows, and `n` draws (n, rows) of its deviations.
+
+        The effects of an unknown level have their distribution in the model; rows of one level share their draws.
+        """
+        draws = self.posterior(n, seed) - self.coef_ if n else np.zeros((0, len(self.coef_)))
+        for rows, X in self._matrices(frame, exclude):
+            variance, deviations = np.einsum("ij,ij->i", X @ self.Vp_, X), draws @ X.T
+            parameters = iter(self.smoothing_parameters_.values())
+            for fitted in self.terms_:
+                precision = sum(next(parameters) * S for S in fitted.matrices) / self.reml_scale_
+                for level, at, columns in fitted.new_levels(rows) if fitted.label not in exclude else ():
+                    new = np.linalg.solve(np.linalg.cholesky(precision), columns.T)
+                    variance[at] += (new**2).sum(axis=0)
+                    rng = np.random.default_rng([seed, *f"{fitted.label} {level}".encode()])
+                    deviations[:, at] += rng.standard_normal((n, len(new))) @ new
+            yield np.sqrt(np.maximum(variance, 0.0)), deviations
 
     def _known(self, frame: pd.DataFrame, offset: object) -> FloatArray:
         """Offset (n,) of the rows of a prediction; raise if the fit had one that the frame does not have."""
@@ -266,13 +288,15 @@ class Estimator:
         """
         parts = [
             np.stack([X[:, fitted.slice] @ self.coef_[fitted.slice] for fitted in self.terms_], axis=1)
-            for X in self._matrices(frame, ())
+            for _, X in self._matrices(frame, ())
         ]
         labels = [fitted.label for fitted in self.terms_]
         return pd.DataFrame(np.concatenate([np.zeros((0, len(labels))), *parts]), frame.index, labels)
 
-    def _matrices(self, frame: pd.DataFrame, exclude: Collection[str]) -> Iterator[FloatArray]:
-        """Yield the model matrix of successive rows (at most `PREDICT_ROWS`, p); columns of excluded terms are 0."""
+    def _matrices(
+        self, frame: pd.DataFrame, exclude: Collection[str]
+    ) -> Iterator[tuple[pd.DataFrame, FloatArray]]:
+        """Yield successive rows, at most `PREDICT_ROWS`, and their model matrix; columns of excluded terms are 0."""
         included = self._checked(frame, exclude)
         if self.extrapolation == "clamp":
             frame = self.training_.clamp_frame(frame)
@@ -281,7 +305,7 @@ class Estimator:
             X = np.zeros((len(rows), len(self.coef_)))
             for fitted in included:
                 X[:, fitted.slice] = fitted.matrix(rows)
-            yield X
+            yield rows, X
 
     def extrapolation_mask(self, frame: pd.DataFrame) -> BoolArray:
         """Mark rows with a covariate outside its training range or a level that training did not have.
@@ -369,9 +393,7 @@ class Estimator:
         return settings.family.link.mean(eta + known)
 
     def _formula(self) -> Formula:
-        if isinstance(self.formula, Formula):
-            return self.formula
-        return parse_formula(self.formula)
+        return self.formula if isinstance(self.formula, Formula) else parse_formula(self.formula)
 
     def _offset(self, given: object) -> object:
         """The offset that was given, or its column in the formula; raise if there are both."""

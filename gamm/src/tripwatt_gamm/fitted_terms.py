@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 import pandas as pd
 
-from tripwatt_gamm.arrays import FloatArray
-from tripwatt_gamm.covariates import Points, Training, crossed
+from tripwatt_gamm.arrays import FloatArray, Index
+from tripwatt_gamm.covariates import Levels, Points, Training, crossed
 from tripwatt_gamm.penalties import PenaltyBlock
 from tripwatt_gamm.smoothers import Smoother
 from tripwatt_gamm.terms import Parametric, RandomEffect, Smooth, Tensor, Term
@@ -100,10 +101,37 @@ class FittedTerm:
         -------
         ndarray (n, size)
         """
+        columns, (levels, column) = self._columns(frame), self._levels(frame)
+        if not levels.names:
+            return columns
+        indicator = np.eye(len(levels.names) + 1)[levels.codes(column), :-1]
+        return (columns[:, :, None] * indicator[:, None, :]).reshape(len(frame), -1)
+
+    def new_levels(self, frame: pd.DataFrame) -> Iterator[tuple[str, Index, FloatArray]]:
+        """Yield each level that training did not have, its rows of a frame, and there the columns (rows, q) of its effects."""
+        levels, column = self._levels(frame)
+        new = np.flatnonzero(levels.codes(column) < 0) if levels.names else np.arange(0)
+        for level, rows in pd.Series(new).groupby(np.array([str(name) for name in column.iloc[new]])):
+            yield str(level), rows.to_numpy(), self._columns(frame.iloc[rows])
+
+    @property
+    def factors(self) -> tuple[str, ...]:
+        """Columns whose levels have effects each: those of a random effect, or the factor of curves."""
+        return (str(self.by),) if getattr(self.term, "basis", None) == "fs" else self.groups
+
+    def _levels(self, frame: pd.DataFrame) -> tuple[Levels, pd.Series[Any]]:
+        """Levels of `factors`, none without them, and that of each row; rows without these columns have none."""
+        known = self.factors and set(self.factors) <= set(frame.columns)
+        column = crossed(frame, self.factors) if known else pd.Series(None, frame.index, dtype=object)
+        return self.training.levels.get(":".join(self.factors), Levels((), np.zeros(0))), column
+
+    def _columns(self, frame: pd.DataFrame) -> FloatArray:
+        """Columns of the term, or of one level of `factors`."""
         if self.term is None:
             return np.ones((len(frame), 1))
         if isinstance(self.term, RandomEffect):
-            return self._random(frame)
+            effects = self.multipliers([frame[name].to_numpy(dtype=np.float64) for name in self.needed])
+            return np.stack([np.ones(len(frame)) if x is None else x for x in effects], axis=1)
         if isinstance(self.term, Parametric):
             return self._parametric(frame, self.term.columns)
         return self._smooth(frame)
@@ -127,20 +155,8 @@ class FittedTerm:
         correlated = isinstance(self.term, RandomEffect) and self.term.correlated
         return [None, *numbers] if correlated else [np.prod(numbers, axis=0) if numbers else None]
 
-    def _random(self, frame: pd.DataFrame) -> FloatArray:
-        """Columns of a random effect; 0 for an unknown level, and for all rows if the frame has no levels."""
-        if any(name not in frame.columns for name in self.groups):
-            return np.zeros((len(frame), self.size))
-        levels = self.training.levels[":".join(self.groups)]
-        codes = levels.codes(crossed(frame, self.groups))
-        indicator = np.eye(len(levels.names) + 1)[codes, :-1]
-        numbers = [frame[name].to_numpy(dtype=np.float64) for name in self.needed]
-        return np.hstack(
-            [indicator if x is None else indicator * x[:, None] for x in self.multipliers(numbers)]
-        )
-
     def _parametric(self, frame: pd.DataFrame, names: tuple[str, ...]) -> FloatArray:
-        """Columns of a parametric term; outside its range a numeric one is held or continued by `extrapolation`."""
+        """Columns of a parametric term; a frame whose values are to be held comes from `Training.clamp_frame`."""
         product = np.ones((len(frame), 1))
         for name in names:
             if name in self.contrasts:
@@ -148,8 +164,6 @@ class FittedTerm:
                 piece = levels.rows(levels.codes(frame[name])) @ self.contrasts[name]
             else:
                 piece = frame[name].to_numpy(dtype=np.float64)[:, None]
-                if self.extrapolation == "clamp":
-                    piece = self.training.supports[(name,)].clamp(piece)
             product = (product[:, :, None] * piece[:, None, :]).reshape(len(frame), -1)
         return product
 
@@ -158,12 +172,11 @@ class FittedTerm:
         assert isinstance(self.term, Smooth | Tensor)
         assert self.smoother is not None
         weight = self._by_weight(frame)
-        columns = np.zeros((len(frame), self.size))
+        columns = np.zeros((len(frame), self.size // self.copies))
         affected = np.flatnonzero(weight)
-        x = frame[list(self.term.names)].to_numpy(dtype=np.float64)[affected]
-        if not len(x):
+        if not len(affected):
             return columns
-        points = Points.from_values(x)
+        points = Points.from_values(frame[list(self.term.names)].to_numpy(dtype=np.float64)[affected])
         support = self.training.supports[self.term.names]
         cyclic = self.term.basis == "cc"  # continues periodically
         table = self.smoother.matrix(points.values if cyclic else support.clamp(points.values))
@@ -173,16 +186,12 @@ class FittedTerm:
             B = self.smoother.matrix(np.stack([low, low + h, high - h, high]))
             below, above = np.minimum(points.values - low, 0.0), np.maximum(points.values - high, 0.0)
             table = table + (below * (B[1] - B[0]) / h + above * (B[3] - B[2]) / h)
-        if self.term.basis == "fs" and self.by is not None:
-            levels = self.training.levels[self.by]
-            indicator = np.eye(len(levels.names) + 1)[levels.codes(frame[self.by]), :-1]
-            return (table[points.index][:, :, None] * indicator[:, None, :]).reshape(len(frame), -1)
         columns[affected] = table[points.index] * weight[affected, None]
         return columns
 
     def _by_weight(self, frame: pd.DataFrame) -> FloatArray:
         """Multiplier (n,) of a smooth: 1, the numeric by-variable, or the indicator of its level (for an unknown level, its share)."""
-        if self.by is None or (isinstance(self.term, Smooth) and self.term.basis == "fs"):
+        if self.by is None or self.factors:
             return np.ones(len(frame))
         if self.level is None:
             return frame[self.by].to_numpy(dtype=np.float64)

@@ -189,9 +189,8 @@ def _solve(a: FloatArray, b: FloatArray) -> FloatArray:
     """Solve a symmetric non-negative definite system, scaled to unit diagonal, without directions that are rounding."""
     d = np.sqrt(np.where(np.diag(a) > 0, np.diag(a), 1.0))[:, None]
     values, vectors = np.linalg.eigh(a / d / d.T)
-    kept = values > 1e-14 * values.max(
-        initial=0.0
-    )  # the matrix has no negative eigenvalue: those are rounding as well
+    # the matrix has no negative eigenvalue: those are rounding as well
+    kept = values > 1e-14 * values.max(initial=0.0)
     return np.asarray((vectors[:, kept] / values[kept]) @ (vectors[:, kept].T @ (b / d)) / d)
 
 

@@ -221,19 +221,18 @@ class Mixing:
         change = weights * (fx - x)
         size, largest = float(np.linalg.norm(change)), float(np.abs(change).max(initial=0.0))
         before, self.change = self.change, change
+        size_before = 0.0 if before is None else float(np.linalg.norm(before))
         if self.points and (size > 2 * self.best or largest > self.close):
             best_image = self.best_image  # mixing made the change larger: plain passes from the best point
             self._forget()
             self.plain = 2
             return best_image
-        growing = before is not None and size > float(np.linalg.norm(before))
+        growing = before is not None and size > size_before
         if largest > self.close or self.plain > 0 or (not self.points and growing):
             self.plain -= 1
             # for small residuals the observed weight is (nu + 3) / nu times the expected one: at nu = 3 a pass goes
             # twice as far as it should, so half of it is taken
-            overshoots = before is not None and float(before @ change) < -0.5 * size * float(
-                np.linalg.norm(before)
-            )
+            overshoots = before is not None and float(before @ change) < -0.5 * size * size_before
             return (x + fx) / 2 if overshoots else fx
         if size < self.best:
             self.best, self.best_image = size, fx

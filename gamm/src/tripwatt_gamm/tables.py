@@ -111,21 +111,17 @@ class TableRows:
 
     def subset(self, rows: Index, columns: Index | None = None) -> TableRows:
         """Return some rows, in the given order, and some columns."""
-        parts, p = [], self.p
+        columns = np.arange(self.p) if columns is None else columns
+        position, parts = np.full(self.p, -1), []
+        position[columns] = np.arange(len(columns))
         for part in self.parts:
-            scale = None if part.scale is None else part.scale[rows]
-            parts.append(replace(part, index=part.index[rows], scale=scale))
-        if columns is not None:
-            position = np.full(self.p, -1)
-            position[columns] = np.arange(len(columns))
-            kept = []
-            for part in parts:
-                wanted = position[part.columns] >= 0
-                if wanted.any():
-                    table = None if part.table is None else part.table[:, wanted]
-                    kept.append(replace(part, columns=position[part.columns[wanted]], table=table))
-            parts, p = kept, len(columns)
-        return TableRows(parts, len(rows), p)
+            wanted = position[part.columns] >= 0
+            if wanted.any():
+                table = None if part.table is None else part.table[:, wanted]
+                scale = None if part.scale is None else part.scale[rows]
+                own = position[part.columns[wanted]]
+                parts.append(IndexedColumns(own, table, part.index[rows], scale))
+        return TableRows(parts, len(rows), len(columns))
 
     def scaled(self, factor: FloatArray) -> TableRows:
         """Return the rows, each times its factor (n,)."""
