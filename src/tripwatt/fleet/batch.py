@@ -208,22 +208,11 @@ def _to_arrow_stream(table: pa.Table) -> bytes:
 
 def output_schema(quantiles: Sequence[float]) -> pa.Schema:
     """Return the schema of the output."""
-    texts = ("assumed", "reasons", "error")
-    numbers = [
-        *("distance_m", "duration_s", "energy_wh", "sd_wh"),
-        *(quantile_column(q) for q in quantiles),
-        "soc_arrival",
-        *(quantile_column(q, "soc_arrival") for q in quantiles),
-        "p_arrive",
-    ]
-    return pa.schema(
-        [
-            *(pa.field(name, pa.string()) for name in ("vehicle_id", "trip")),
-            *(pa.field(name, pa.float64()) for name in numbers),
-            pa.field("flags", pa.list_(pa.string())),
-            *(pa.field(name, pa.string()) for name in texts),
-        ]
-    )
+    energies, charges = ([quantile_column(q, of) for q in quantiles] for of in ("energy_wh", "soc_arrival"))
+    numbers = "distance_m", "duration_s", "energy_wh", "sd_wh", *energies, "soc_arrival", *charges, "p_arrive"
+    types = dict.fromkeys(("vehicle_id", "trip"), pa.string()) | dict.fromkeys(numbers, pa.float64())
+    types["flags"] = pa.list_(pa.string())
+    return pa.schema(types | dict.fromkeys(("assumed", "reasons", "error"), pa.string()))
 
 
 def quantile_column(quantile: float, quantity: str = "energy_wh") -> str:

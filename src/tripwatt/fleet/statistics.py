@@ -34,11 +34,8 @@ NUMBERS: Final = (
 )
 
 ROWS: Final = pa.schema(
-    [
-        *(pa.field(name, pa.string()) for name in KEYS),
-        pa.field("started_at", pa.string()),
-        *(pa.field(name, pa.float64()) for name in (*NUMBERS, *(f"x_{name}" for name in FEATURES))),
-    ]
+    dict.fromkeys((*KEYS, "started_at"), pa.string())
+    | dict.fromkeys((*NUMBERS, *(f"x_{name}" for name in FEATURES)), pa.float64())
 )
 """Schema of `TripRows`: one row per sound drive with measured energy."""
 
