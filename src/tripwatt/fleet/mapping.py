@@ -43,10 +43,6 @@ VERSION: Final = 3
 _MEASURED: Final = (*REQUIRED_COLUMNS, "voltage_v", "current_a", "observed_energy_wh", "soc", "displayed_soc")
 """Columns of a drive from which its measured power and its charge are computed."""
 
-_TASK_COLUMNS: Final = ("digest", "batch", "vehicle_id", "trip_id", "car_model", "driver", "started_at", "as_logged", "drives",
-               "context", "columns", "samples")  # fmt: skip
-"""Columns of `trips` that a task carries."""
-
 _KEPT: Final = pa.schema([*ROWS, pa.field("batch", pa.string())])
 """Schema of the rows that `store_rows` keeps; `drive` is null if a trip has no row."""
 
@@ -72,10 +68,8 @@ class _FileTask:
 
     Attributes
     ----------
-    place : str
-        Place of the table of samples.
-    options : mapping of str to str
-        Options of the object store.
+    samples : DeltaFolder
+        Table of samples, whose place is the same in every process.
     path : str
         Path of the data file, relative to the table.
     rows : tuple of mapping
@@ -86,8 +80,7 @@ class _FileTask:
         Folder of the results.
     """
 
-    place: str
-    options: Mapping[str, str]
+    samples: DeltaFolder
     path: str
     rows: tuple[Mapping[str, Any], ...]
     sampled: frozenset[str]
@@ -97,7 +90,7 @@ class _FileTask:
     def name(self) -> str:
         """Digest of everything that the result depends on."""
         wanted = sorted((row["digest"], row["digest"] in self.sampled) for row in self.rows)
-        text = json.dumps([VERSION, self.place, self.path, wanted, FEATURES])
+        text = json.dumps([VERSION, self.samples.place, self.path, wanted, FEATURES])
         return hashlib.sha256(text.encode()).hexdigest()[:32]
 
     @property
@@ -123,18 +116,10 @@ def file_tasks(
     """
     usable = [row for row in rows if row["drives"] and row["energy_wh"] is not None]
     sampled = frozenset(sampled)
-    folder = str(Path(out).absolute())
-    place = _place_of(store)
+    folder, samples = str(Path(out).absolute()), DeltaFolder(_place_of(store), dict(store.options))
     return [
-        _FileTask(
-            place,
-            dict(store.options),
-            part.path,
-            tuple({name: row[name] for name in _TASK_COLUMNS} for row in part.rows),
-            sampled & {row["digest"] for row in part.rows},
-            folder,
-        )
-        for part in store.file_trips(usable)
+        _FileTask(samples, path, wanted, sampled & {row["digest"] for row in wanted}, folder)
+        for path, wanted in store.file_trips(usable).items()
     ]
 
 
@@ -174,10 +159,9 @@ def run_task(task: _FileTask) -> _FileResult:
     result = task.result
     if result.rows.is_file():
         return result
-    files = DeltaFolder(task.place, task.options).filesystem()
     rows: list[dict[str, Any]] = []
     segments: list[pa.Table] = []
-    for row, log in read_file(files, task.path, task.rows):
+    for row, log in read_file(task.samples.filesystem(), task.path, task.rows):
         for drive in sound_drives(log, row):
             table = drive_segments(drive, row["car_model"])
             if table is None:

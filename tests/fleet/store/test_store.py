@@ -237,11 +237,11 @@ def test_files_are_found_by_place_and_batch(store):
     store.add([drive(trip="A", day=1)], car_model=CAR)
     store.add([drive(trip="B", day=2, start=1.0), drive(trip="C", month=6, start=2.0)], car_model=CAR)
     rows = {row["trip_id"]: row for row in store.trip_rows()}
-    parts = store.file_trips([rows["B"]])
-    assert [[row["trip_id"] for row in part.rows] for part in parts] == [["B"]]
-    assert "month=2024-05" in parts[0].path
+    ((path, of_file),) = store.file_trips([rows["B"]]).items()
+    assert [row["trip_id"] for row in of_file] == ["B"]
+    assert "month=2024-05" in path
     assert len(store.file_trips(rows.values())) == 3
-    assert store.file_trips([]) == []
+    assert store.file_trips([]) == {}
 
 
 def test_compacting_keeps_every_trip_and_orphans_wait(store, monkeypatch):

@@ -118,32 +118,6 @@ class Added:
         return f"{counted(self.added, 'trip')} added, {self.known} known before; without a sound drive: {self.unusable}"
 
 
-@dataclass(frozen=True, slots=True)
-class FileTrips:
-    """A data file of samples, and the wanted logs that may be in it.
-
-    Attributes
-    ----------
-    path : str
-        Path of a data file, relative to the table `samples`.
-    rows : tuple of mapping
-        Rows of `trips` of the wanted logs.
-
-    Examples
-    --------
-    >>> import tempfile
-    >>> from tripwatt.study.synthetic import synthetic_fleet
-    >>> with tempfile.TemporaryDirectory() as folder:
-    ...     store = create_store(folder)
-    ...     _ = store.add(synthetic_fleet(2), vehicle_id="V1", car_model="bmw_i3_60ah")
-    ...     print(sum(len(part.rows) for part in store.file_trips(store.trip_rows())))
-    2
-    """
-
-    path: str
-    rows: tuple[Mapping[str, Any], ...]
-
-
 @dataclass(frozen=True, repr=False)
 class TripStore:
     """A store of logs of many vehicles, made by `create_store` and opened by `open_store`.
@@ -387,9 +361,8 @@ class TripStore:
         """
         wanted = self.trip_rows(**which) if rows is None else rows
         files = self.samples.filesystem()
-        for part in self.file_trips(wanted):
-            for _, log in read_file(files, part.path, part.rows):
-                yield log
+        for path, of_file in self.file_trips(wanted).items():
+            yield from (log for _, log in read_file(files, path, of_file))
 
     def trip_rows(self, **which: Any) -> list[dict[str, Any]]:
         """Read rows of the table `trips` with all columns.
@@ -409,7 +382,7 @@ class TripStore:
         rows: list[Any] = frame.astype(object).where(frame.notna(), None).to_dict("records")
         return rows
 
-    def file_trips(self, rows: Iterable[Mapping[str, Any]]) -> list[FileTrips]:
+    def file_trips(self, rows: Iterable[Mapping[str, Any]]) -> dict[str, tuple[Mapping[str, Any], ...]]:
         """Find the data files that may have samples of some logs. O(files x logs of a partition).
 
         Parameters
@@ -419,16 +392,17 @@ class TripStore:
 
         Returns
         -------
-        list of FileTrips
-            Each data file with the logs that may be in it; data files without a wanted log are left out.
+        dict of str to tuple of mapping
+            Path of each data file, relative to the table `samples` -> rows of the logs that may be in it; data files without a wanted log are
+            left out.
         """
         by_partition = by_key(rows, lambda row: (row["bucket"], row["month"]))
-        files = []
+        files = {}
         for file in self.samples.data_files():
             near = by_partition.get((file["partition.bucket"], file["partition.month"]), ())
             wanted = tuple(row for row in near if file["min.batch"] <= row["batch"] <= file["max.batch"])
             if wanted:
-                files.append(FileTrips(file["path"], wanted))
+                files[file["path"]] = wanted
         return files
 
     def compact(self, *, file_bytes: int = _FILE_BYTES, keep_hours: int = _KEPT_HOURS) -> dict[str, int]:
@@ -627,7 +601,7 @@ def read_file(
     files : pyarrow.fs.FileSystem
         File system of the table `samples`.
     path : str
-        Path of the data file, from `FileTrips.path`.
+        Path of the data file, as `TripStore.file_trips` has it.
     rows : sequence of mapping
         Rows of `trips` of the wanted logs; those that are not in the file are skipped.
 
@@ -650,8 +624,8 @@ def read_file(
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     store = create_store(folder)
     ...     _ = store.add(synthetic_fleet(1), vehicle_id="V1", car_model="bmw_i3_60ah")
-    ...     (part,) = store.file_trips(store.trip_rows())
-    ...     for row, log in read_file(store.samples.filesystem(), part.path, part.rows):
+    ...     ((path, rows),) = store.file_trips(store.trip_rows()).items()
+    ...     for row, log in read_file(store.samples.filesystem(), path, rows):
     ...         print(row["vehicle_id"], len(log) == row["samples"])
     V1 True
     """
