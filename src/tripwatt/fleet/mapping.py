@@ -285,20 +285,11 @@ def _segment_rows(table: SegmentTable, row: Mapping[str, Any]) -> pa.Table:
     """Return the segments of one drive as rows: keys, features, hours, powers and readings of the charge."""
     n = len(table.hours)
     charge = np.full((1, 4), np.nan) if table.charge is None else table.charge
-    values = {name: table.features[name].to_numpy(dtype=np.float64) for name in table.features.columns}
-    return pa.table(
-        {
-            **{
-                name: pa.array([text] * n, pa.string())
-                for name, text in _key_values(row, table.trip_ids[0]).items()
-            },
-            **{f"feature_{name}": v for name, v in values.items()},
-            "hours": table.hours,
-            "base_w": table.simulated_w,
-            "observed_w": table.observed_power_w,
-            **{f"charge_{k}": np.full(n, charge[0, k]) for k in range(4)},
-        }
-    )
+    keys = {name: pa.repeat(text, n) for name, text in _key_values(row, table.trip_ids[0]).items()}
+    features = {f"feature_{name}": values.to_numpy(np.float64) for name, values in table.features.items()}
+    powers = {"hours": table.hours, "base_w": table.simulated_w, "observed_w": table.observed_power_w}
+    readings = {f"charge_{k}": np.full(n, charge[0, k]) for k in range(4)}
+    return pa.table({**keys, **features, **powers, **readings})
 
 
 @dataclass(frozen=True, eq=False)
