@@ -373,14 +373,12 @@ class Night:
     def _reason(self, vehicle: str) -> str:
         """Say why a vehicle lacks energy: what it has to be without to lack none."""
         own = self.needs[self.needs["vehicle_id"] == vehicle]
+        depot = replace(self.depot, grid_w=None)
+        if not schedule(own, depot).missing_wh.any():
+            return "grid limit"
         fast = own.assign(**dict.fromkeys(POWERS, _FAST_W))
-        usual_w = self.depot.charger_w
-        for reason, needs, charger_w in (
-            ("grid limit", own, usual_w),
-            ("time at the charger", fast, _FAST_W),
-        ):
-            if not schedule(needs, replace(self.depot, charger_w=charger_w, grid_w=None)).missing_wh.any():
-                return reason
+        if not schedule(fast, replace(depot, charger_w=_FAST_W)).missing_wh.any():
+            return "time at the charger"
         return "size of the battery, or no time between trips"
 
     @cached_property

@@ -13,6 +13,7 @@ Versions are never changed, so a reader that loads a version while the pointer m
 from __future__ import annotations
 
 import datetime as dt
+import itertools
 import json
 import os
 import threading
@@ -168,8 +169,7 @@ class Registry:
             versions.mkdir(parents=True, exist_ok=True)
         unnamed = versions / f".{uuid.uuid4().hex}"
         save_fleet(model, unnamed)
-        number = int(self.versions()[-1]) + 1 if self.versions() else 1
-        while True:
+        for number in itertools.count(int(max(self.versions(), default="0")) + 1):
             name = f"{number:04d}"
             try:
                 unnamed.rename(versions / name)  # a folder that is not empty is never replaced
@@ -177,7 +177,6 @@ class Registry:
             except OSError:
                 if not (versions / name).is_dir():
                     raise
-                number += 1
         self._record("add", name, note)
         return name
 
