@@ -62,6 +62,11 @@ PROBLEM_KINDS: Final[dict[str, Any]] = {
 FAULTS: Final = "tripwatt_faults"
 """Type of the errors of pydantic that hold faults."""
 
+TRACE: Final = "Speed trace and road, one list per column. Of other signals only the first sample is used."
+MEASURED: Final = """Samples measured so far, on the clock of the trip: voltage_v with current_a (positive when the battery \
+discharges), or bms_soc or displayed_soc."""
+"""Descriptions of the tables of a request."""
+
 NUMBER_TYPES: Final = frozenset({float, int, NoneType})
 """Types of JSON numbers and of null. `bool` is excluded, although it is a subclass of `int`."""
 
@@ -219,28 +224,9 @@ class Link(BaseModel):
 
 
 Samples = Annotated[
-    Any,
-    _checked_by(
-        parse_samples,
-        _columns_type(
-            ["time_s", "speed_m_s"],
-            MIN_SAMPLES,
-            "Speed trace and road, one list per column. Of other signals only the first sample is used.",
-        ),
-    ),
+    Any, _checked_by(parse_samples, _columns_type(["time_s", "speed_m_s"], MIN_SAMPLES, TRACE))
 ]
-Observed = Annotated[
-    Any,
-    _checked_by(
-        parse_observed,
-        _columns_type(
-            ["time_s"],
-            MIN_OBSERVED,
-            "Samples measured so far, on the clock of the trip: voltage_v with current_a (positive when the battery "
-            "discharges), or bms_soc or displayed_soc.",
-        ),
-    ),
-]
+Observed = Annotated[Any, _checked_by(parse_observed, _columns_type(["time_s"], MIN_OBSERVED, MEASURED))]
 Links = Annotated[Any, _checked_by(parse_links, Annotated[list[Link], Field(min_length=1)])]
 """Fields whose values are checked as whole tables, not one object at a time; a checked request has a table and a `LinkRoute`."""
 
