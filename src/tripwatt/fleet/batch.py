@@ -272,13 +272,9 @@ def _forecast_row(model: FleetModel, links: Sequence[Mapping[str, Any]], part: _
     try:
         fields = [{n: v for n, v in link.items() if n in LINK_COLUMNS and v is not None} for link in links]
         plan = route_from_links(fields).plan(trip_id=trip_id)
-        forecast = model.forecast(
-            plan,
-            Departure(**{n: first[n] for n in DEPARTURE_COLUMNS if first.get(n) is not None}),
-            vehicle_id=vehicle,
-            car_model=first.get("car_model"),
-            driver=first.get("driver"),
-        )
+        departure = Departure(**{name: first.get(name) for name in DEPARTURE_COLUMNS})
+        named = {name: first.get(name) for name in ("car_model", "driver")}
+        forecast = model.forecast(plan, departure, vehicle_id=vehicle, **named)
     except InvalidInput as error:
         return {"vehicle_id": vehicle, "trip": trip_id, "error": f"{error}"}
     columns = [quantile_column(q, name) for name in ("energy_wh", "soc_arrival") for q in part.quantiles]
