@@ -207,16 +207,13 @@ def context_values(log: Recorded) -> dict[str, Any]:
 def samples_table(stored: Sequence[StoredLog], batch: str) -> pa.Table:
     """Make the rows of `samples` of a batch of logs; missing columns and values are null. O(samples x columns)."""
     counts = [len(s.log) for s in stored]
-    arrays: dict[str, Any] = {
-        name: pa.array(np.repeat([s.row[name] for s in stored], counts), SAMPLES.field(name).type)
-        for name in ("bucket", "month", "digest", "vehicle_id")
-    }
-    arrays["batch"] = pa.array([batch] * sum(counts), pa.string())
-    arrays["sample"] = pa.array(np.concatenate([np.arange(n, dtype=np.int32) for n in counts]))
+    names = ("bucket", "month", "digest", "vehicle_id")
+    arrays: dict[str, Any] = {name: np.repeat([s.row[name] for s in stored], counts) for name in names}
+    arrays |= {"batch": pa.repeat(batch, sum(counts)), "sample": np.concatenate([*map(np.arange, counts)])}
     for name in SIGNALS:
         blocks = [s.log.array(name) if name in s.log else np.full(len(s.log), np.nan) for s in stored]
         arrays[name] = pa.array(np.concatenate(blocks), from_pandas=True)
-    return pa.table([arrays[name] for name in SAMPLES.names], schema=SAMPLES)
+    return pa.table(arrays, schema=SAMPLES)
 
 
 def log_from_rows(row: Mapping[str, Any], columns: Mapping[str, FloatArray]) -> Log:
