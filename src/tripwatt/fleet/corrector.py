@@ -8,7 +8,7 @@ from typing import Any, ClassVar, Final
 
 import numpy as np
 
-from tripwatt.arrays import FloatArray, IntArray, covariance_factor
+from tripwatt.arrays import FloatArray, IntArray
 from tripwatt.files import shipped_toml
 from tripwatt.fleet.features import segment_features
 from tripwatt.hybrid import SegmentTable
@@ -133,13 +133,6 @@ class FleetCorrector(PowerCorrector):
     mean: FloatArray
     factor: FloatArray
     trees: FleetTrees = FleetTrees()
-
-    @classmethod
-    def from_weights(
-        cls, mean: FloatArray, covariance: FloatArray, trees: FleetTrees = FleetTrees()
-    ) -> FleetCorrector:
-        """Make the correction from the posterior mean and covariance of the vehicle's weights."""
-        return cls(mean, covariance_factor(covariance), trees)
 
     def predict_with_uncertainty(self, table: SegmentTable, hours: FloatArray | None = None) -> Uncertain:
         """Predict the residual power [W], and its uncertainty [W] from that of the weights; the trees add none."""

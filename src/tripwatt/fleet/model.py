@@ -16,7 +16,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from tripwatt.arrays import FloatArray, IntArray, by_key
+from tripwatt.arrays import FloatArray, IntArray, by_key, covariance_factor
 from tripwatt.errors import InvalidInput
 from tripwatt.fleet.corrector import FleetCorrector, FleetTrees, choose_rounds
 from tripwatt.fleet.executors import Workers
@@ -159,7 +159,7 @@ class FleetModel:
         name = fitted_model or car_model or ""
         mean, covariance = self.posterior.weights(name, vehicle_id, driver)
         model = ForecastModel(load_car(name), "fleet")
-        model.corrector_ = FleetCorrector.from_weights(mean, covariance, self.trees)
+        model.corrector_ = FleetCorrector(mean, covariance_factor(covariance), self.trees)
         model.uncertainty_ = self.uncertainty_of(name, ambient_degc)
         model.ranges_ = self.ranges
         model.trip_ids_ = ("",) * self._counts[name, vehicle_id or ""]
@@ -278,7 +278,7 @@ def _fit_rows(rows: TripRows, sample: SampledTrips, seed: int = 0) -> FleetModel
     uncertainty = UncertaintyModel.from_held_out([residuals[i] for i in process_trips])
     standardised = np.array([r.error_wh for r in residuals]) / scale_wh(uncertainty.scale, residuals)
     uncertainty = replace(uncertainty, scores=ConformalScores.from_errors(standardised.tolist()))
-    model = FleetModel(
+    return FleetModel(
         sums,
         group_posterior(sums, scales),
         trees,
@@ -287,9 +287,8 @@ def _fit_rows(rows: TripRows, sample: SampledTrips, seed: int = 0) -> FleetModel
         training_ranges(sample.table),
         frozenset(rows.texts("digest").tolist()),
         len(sample),
+        {"rounds": rounds, "seed": seed, "features": list(FEATURES)},
     )
-    model.about = {"rounds": rounds, "seed": seed, "features": list(FEATURES)}
-    return model
 
 
 def held_out_correctors(
@@ -301,7 +300,8 @@ def held_out_correctors(
         held_out = np.flatnonzero(folds == fold)
         posterior = group_posterior(sums - sample.sums(held_out), scales)
         for i in held_out.tolist():
-            correctors[i] = FleetCorrector.from_weights(*posterior.weights(*sample.groups[i]))
+            mean, covariance = posterior.weights(*sample.groups[i])
+            correctors[i] = FleetCorrector(mean, covariance_factor(covariance))
     return [correctors[i] for i in range(len(sample))]
 
 
