@@ -267,9 +267,7 @@ def _series_by_vehicle(
 
     The residuals are those after the car model and the drivers, minus the common deviation of the month (`common_monthly_deviation`).
     """
-    distinct = sorted(set(groups))
-    place = {group: k for k, group in enumerate(distinct)}
-    code = np.array([place[group] for group in groups])
+    code, distinct = pd.MultiIndex.from_tuples(groups).factorize()
     base = np.array([posterior.weights(group[0])[0] for group in distinct])
     of_vehicle = np.array([posterior.weights(*group[:2])[0] for group in distinct])
     driver = np.array([posterior.weights(*group)[0] for group in distinct]) - of_vehicle
