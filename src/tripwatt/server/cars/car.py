@@ -292,7 +292,8 @@ class Car(LiveCar):
             lesson = learner.learn(names, progress or (lambda done, total: None))
             is_stored = self._store_lesson(state, learner.logs, lesson)
         left_out = tuple(f"{trip}: {why}" for trip, why in {**lesson.left_out, **refused}.items())
-        return replace(counts, entries=len(lesson.entries), left_out=left_out, flat=lesson.flat)
+        flat = sum(not entry["has_heights"] for entry in lesson.entries)
+        return replace(counts, entries=len(lesson.entries), left_out=left_out, flat=flat)
 
     def _store_lesson(self, state: str, logs: TripSet, lesson: Lesson) -> bool:
         """Write model and diary in one transaction; return False if the learned state is no longer `state`."""

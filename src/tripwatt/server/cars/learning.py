@@ -60,15 +60,12 @@ class Lesson:
         New rows of the diary.
     left_out : dict of str to str
         Given drives that are not in the diary, and why.
-    flat : int
-        As in `Learned`.
     model : dict of str to bytes
         The parts of the stored model; empty if nothing was learned.
     """
 
     entries: list[dict[str, Any]] = field(default_factory=list)
     left_out: dict[str, str] = field(default_factory=dict)
-    flat: int = 0
     model: dict[str, bytes] = field(default_factory=dict)
 
 
@@ -139,7 +136,6 @@ class Learner:
             else:
                 lesson.entries.append(row)
                 model = adaptation.model
-                lesson.flat += not row["has_heights"]
             progress(number, len(ahead))
         if lesson.entries:
             base = load_metadata(self.base, check_parts=False)
