@@ -9,7 +9,7 @@ import json
 import math
 import secrets
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import astuple, replace
+from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any, Final, Self, cast
@@ -572,8 +572,6 @@ class Car(LiveCar):
         at_s, distance_m = (0.0, 0.0) if departing else (trip.last_s - trip.start_s, trip.distance_m)
         bounds = (forecast["quantiles_wh"][end] for end in (LOW, HIGH))
         made = MadeForecast(at_s, distance_m, forecast["energy_wh"], *bounds)
-        if not all(map(math.isfinite, astuple(made))):
-            return False
         with self.file.write() as db:
             db.put_forecasts(trip.start_s, [made])
         return True
