@@ -25,8 +25,8 @@ PARTS: Final = ("roads", "server", "fleet", "study", "gamm")
 BUDGETS: Final[Mapping[str, int]] = {
     "core": 20_430,
     "roads": 4_447,
-    "server": 5_985,
-    "fleet": 2_975,
+    "server": 5_966,
+    "fleet": 2_906,
     "study": 4_652,
     "gamm": 3_854,
 }

@@ -64,8 +64,6 @@ def load_fleet(folder: Path | str) -> FleetModel:
 @cache
 def _converter() -> Converter:
     """Return the converter between a model and plain arrays; digests are kept as rows of bytes."""
-    from cattrs.gen import make_dict_structure_fn, make_dict_unstructure_fn, override
-
     converter = new_converter()
 
     def from_arrays(arrays: Any, kind: Any) -> Any:
@@ -74,14 +72,13 @@ def _converter() -> Converter:
     for kind in (Sums, GroupPosterior):
         converter.register_unstructure_hook(kind, kind.to_arrays)
         converter.register_structure_hook(kind, from_arrays)
-    digests = override(
-        unstruct_hook=_bytes_of, struct_hook=lambda rows, _: frozenset(row.tobytes().hex() for row in rows)
-    )
-    unstructure = make_dict_unstructure_fn(FleetModel, converter, digests=digests)
-    converter.register_unstructure_hook(FleetModel, unstructure)
-    structure = make_dict_structure_fn(FleetModel, converter, digests=digests)
-    converter.register_structure_hook(FleetModel, structure)
+    converter.register_unstructure_hook_func(lambda kind: kind == frozenset[str], _bytes_of)
+    converter.register_structure_hook_func(lambda kind: kind == frozenset[str], _digests_of)
     return converter
+
+
+def _digests_of(rows: npt.NDArray[np.uint8], _: Any) -> frozenset[str]:
+    return frozenset(row.tobytes().hex() for row in rows)
 
 
 def _bytes_of(digests: Collection[str]) -> npt.NDArray[np.uint8]:
