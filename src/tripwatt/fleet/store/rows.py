@@ -26,26 +26,19 @@ SIGNALS: Final = (*COLUMNS, _COUNTED)
 _UNKNOWN_MONTH: Final = "unknown"
 """Month of a log without a time of departure."""
 
-_KEYS: Final = (
-    ("bucket", pa.int32()),
-    *((name, pa.string()) for name in ("month", "batch", "digest", "vehicle_id")),
-)
-SAMPLES: Final = pa.schema([*_KEYS, ("sample", pa.int32()), *((name, pa.float64()) for name in SIGNALS)])
+_KEYS: Final = {"bucket": pa.int32()} | dict.fromkeys(("month", "batch", "digest", "vehicle_id"), pa.string())
+SAMPLES: Final = pa.schema(_KEYS | {"sample": pa.int32()} | dict.fromkeys(SIGNALS, pa.float64()))
 """One row per sample; `sample` counts from 0 within a log."""
 
 TRIPS: Final = pa.schema(
-    [
-        *_KEYS,
-        *((name, pa.string()) for name in ("trip_id", "car_model", "driver", "started_at")),
-        ("started_at_utc", pa.timestamp("us", tz="UTC")),
-        *((name, pa.float64()) for name in ("distance_m", "duration_s", "energy_wh", "energy_std_wh")),
-        ("energy_from", pa.string()),
-        ("drives", pa.int32()),
-        ("as_logged", pa.bool_()),
-        ("ambient_temperature_degc", pa.float64()),
-        *((name, pa.string()) for name in ("findings", "context", "columns")),
-        ("samples", pa.int32()),
-    ]
+    _KEYS
+    | dict.fromkeys(("trip_id", "car_model", "driver", "started_at"), pa.string())
+    | {"started_at_utc": pa.timestamp("us", tz="UTC")}
+    | dict.fromkeys(("distance_m", "duration_s", "energy_wh", "energy_std_wh"), pa.float64())
+    | {"energy_from": pa.string(), "drives": pa.int32(), "as_logged": pa.bool_()}
+    | {"ambient_temperature_degc": pa.float64()}
+    | dict.fromkeys(("findings", "context", "columns"), pa.string())
+    | {"samples": pa.int32()}
 )
 """One row per log. `findings`, `context` and `columns` are JSON; `started_at` is ISO 8601 as it was logged, by which rows are sorted, and
 `started_at_utc` the same instant, null without an offset.
