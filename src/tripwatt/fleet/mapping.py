@@ -331,17 +331,10 @@ class SampledTrips:
         drives = frame[keys].drop_duplicates()
         offsets = np.append(drives.index.to_numpy(), len(frame)).astype(np.int64)
         features = frame.filter(regex="^feature_").rename(columns=lambda name: name.removeprefix("feature_"))
-        first_segments = frame.iloc[offsets[:-1]]
-        table = SegmentTable(
-            tuple(f"{d}/{name}" for d, name in zip(drives["digest"], drives["drive"], strict=True)),
-            offsets,
-            features,
-            frame["hours"].to_numpy(),
-            frame["base_w"].to_numpy(),
-            frame["observed_w"].to_numpy(),
-            None,
-            first_segments[[f"charge_{k}" for k in range(4)]].to_numpy(dtype=np.float64),
-        )
+        names = tuple(f"{d}/{name}" for d, name in zip(drives["digest"], drives["drive"], strict=True))
+        hours, base_w, observed_w = (frame[name].to_numpy() for name in ("hours", "base_w", "observed_w"))
+        charge = frame.loc[drives.index, [f"charge_{k}" for k in range(4)]].to_numpy(dtype=np.float64)
+        table = SegmentTable(names, offsets, features, hours, base_w, observed_w, None, charge)
         groups = tuple(drives[keys[:3]].itertuples(index=False, name=None))
         return cls(table, groups, tuple(drives["digest"]))
 
