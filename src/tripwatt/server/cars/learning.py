@@ -103,9 +103,8 @@ class Learner:
         """Return what the car has learned; computed from its trips again if an older version of tripwatt learned them."""
         base, stored = load_model(self.base), self.stored
         adaptation = Adaptation.before_trips(base, self.vehicle, population_of(base))
-        evidence = None if stored is None else stored.evidence_
-        if stored is not None and evidence is not None and stored.roads_ is not None:
-            return adaptation.with_evidence(evidence, stored.ranges_, stored.roads_)
+        if stored is not None and stored.evidence_ is not None and stored.roads_ is not None:
+            return adaptation.with_evidence(stored.evidence_, stored.ranges_, stored.roads_)
         if not self.seen:
             return adaptation
         trips = _measured_by_date(audit(self.logs).trips)
