@@ -24,9 +24,8 @@ def log_json(**record: Any) -> None:
 
 
 class JsonHandler(logging.Handler):
-    """Writes warnings and errors of the HTTP server."""
+    """Writes records of the HTTP server, of the level with which it is made and above."""
 
     def emit(self, record: logging.LogRecord) -> None:
         """Write one record."""
-        if record.levelno >= logging.WARNING:
-            log_json(event="server", level=record.levelname.lower(), message=self.format(record)[:4000])
+        log_json(event="server", level=record.levelname.lower(), message=self.format(record)[:4000])

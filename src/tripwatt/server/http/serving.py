@@ -118,7 +118,7 @@ def serve(settings: Settings, on_start: Callable[[str], None] = lambda url: None
             timeout_graceful_shutdown=int(settings.limits.timeout_s) + 5,  # seconds to send what is done
             lifespan="on",
         )
-        logging.getLogger("uvicorn").addHandler(JsonHandler())
+        logging.getLogger("uvicorn").addHandler(JsonHandler(logging.WARNING))
         for number in (signal.SIGINT, signal.SIGTERM):  # the server raises them again after its shutdown
             signal.signal(number, lambda *_: None)
         server = Server(config)
