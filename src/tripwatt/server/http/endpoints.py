@@ -72,19 +72,11 @@ monitoring = new_router("operation", refuses_unknown=False)
 def _add_job(router: APIRouter, path: str, kind: str, answer: type[Any]) -> None:
     """Add the operation of a job that needs only a body; request and description are those of the job."""
     job = getattr(Jobs, kind)
+    takes = request_body(get_type_hints(job)["request"])
 
+    @router.post(path, name=kind, description=inspect.getdoc(job), response_model=answer, **takes)
     async def respond(call: Called, fields: Fields = None) -> Response:
         return await call.body_job(kind, fields=fields)
-
-    router.add_api_route(
-        path,
-        respond,
-        methods=["POST"],
-        name=kind,
-        description=inspect.getdoc(job),
-        response_model=answer,
-        **request_body(get_type_hints(job)["request"]),
-    )
 
 
 _add_job(forecasts, "/v1/forecast", "forecast", ForecastResponse)
