@@ -193,18 +193,13 @@ def _columns(value: Any, where: str, limits: Limits) -> dict[str, FloatArray]:
 
 
 def _number_field(
-    columns: Mapping[str, Column], name: str, default: Any = None, *, positive: bool = False, **more: Any
+    columns: Mapping[str, Column], name: str, default: Any = None, *, positive: bool = False
 ) -> Any:
     """Return the field of a number, with the bounds and the description of its column."""
     column = columns[name]
-    return Field(
-        default,
-        gt=0.0 if positive else None,
-        ge=None if positive else column.minimum,
-        le=column.maximum,
-        description=f"{column.meaning} [{column.unit}]",
-        **more,
-    )
+    least: dict[str, Any] = {"gt": 0.0} if positive else {"ge": column.minimum}
+    meaning = f"{column.meaning} [{column.unit}]"
+    return Field(default, **least, le=column.maximum, description=meaning)
 
 
 class Link(BaseModel):
