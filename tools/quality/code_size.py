@@ -26,7 +26,7 @@ BUDGETS: Final[Mapping[str, int]] = {
     "core": 20_430,
     "roads": 4_447,
     "server": 5_952,
-    "fleet": 2_892,
+    "fleet": 2_899,
     "study": 4_652,
     "gamm": 3_854,
 }
