@@ -11,7 +11,7 @@ import re
 import reprlib
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence, Sized
 from contextlib import AbstractContextManager, contextmanager
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, field, replace
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, Final, ParamSpec, Self, TypeVar, cast
@@ -97,6 +97,8 @@ class Fault:
         What the user can do, empty when `allowed` is enough.
     count : int
         Cells, rows or files that this fault stands for.
+    at : tuple of str and int, optional
+        The place by keys and indices from 0, inside of what is checked; None if `where` alone tells it. Equal faults may differ in it.
 
     Examples
     --------
@@ -110,6 +112,7 @@ class Fault:
     allowed: str = ""
     fix: str = ""
     count: int = 1
+    at: tuple[str | int, ...] | None = field(default=None, compare=False)
 
     @classmethod
     def unknown(cls, what: str, where: str, name: object, known: Collection[str]) -> Self:
@@ -449,11 +452,21 @@ def or_none(call: Callable[Given, Checked], *args: Given.args, **more: Given.kwa
 
 
 @contextmanager
-def _places_renamed(renamed: Callable[[str], str]) -> Iterator[None]:
+def each_fault(change: Callable[[Fault], Fault]) -> Iterator[None]:
+    """Change each fault that the block raises; the kind of the error stays.
+
+    Examples
+    --------
+    >>> with each_fault(lambda fault: replace(fault, fix="measure again")):
+    ...     raise InvalidInput.of("not a number", "soc")
+    Traceback (most recent call last):
+    ...
+    tripwatt.errors.InvalidInput: not a number: soc: measure again
+    """
     try:
         yield
     except InvalidInput as error:
-        raise InvalidInput(replace(f, where=renamed(f.where)) for f in error.faults) from error
+        raise type(error)(map(change, error.faults)) from error
 
 
 def places_named(names: Mapping[str, str]) -> AbstractContextManager[None]:
@@ -467,7 +480,7 @@ def places_named(names: Mapping[str, str]) -> AbstractContextManager[None]:
     ...
     tripwatt.errors.InvalidInput: not a number: --mass
     """
-    return _places_renamed(lambda where: names.get(where, where))
+    return each_fault(lambda fault: replace(fault, where=names.get(fault.where, fault.where)))
 
 
 def places_within(place: str) -> AbstractContextManager[None]:
@@ -481,7 +494,7 @@ def places_within(place: str) -> AbstractContextManager[None]:
     ...
     tripwatt.errors.InvalidInput: not a number: trips[3].soc
     """
-    return _places_renamed(lambda where: f"{place}{where}")
+    return each_fault(lambda fault: replace(fault, where=f"{place}{fault.where}"))
 
 
 class Check:

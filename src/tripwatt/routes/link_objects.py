@@ -144,7 +144,8 @@ class _Faults:
         listed, count = (bad, "") if len(bad) <= 3 else (bad[:1], and_more(bad, "link"))
         for k in listed:
             place = f"{self.where}link {k + 1}{key and ', ' + key}"
-            self.faults.append(Fault(what, place, got(k) + count, allowed, fix))
+            at = (k, key) if key else (k,)
+            self.faults.append(Fault(what, place, got(k) + count, allowed, fix, at=at))
 
 
 def columns_of_links(links: Sequence[object], where: str = "") -> tuple[dict[str, FloatArray], list[Fault]]:

@@ -234,7 +234,7 @@ def _route_faults(route: LinkRoute) -> Iterator[Fault]:
         elif not sound.all():
             bad = np.flatnonzero(~sound)
             where, got = f"link {bad[0] + 1}, {name}", f"{values[bad[0]]:g}{and_more(bad, 'link')}"
-            yield Fault("link out of range", where, got, allowed)
+            yield Fault("link out of range", where, got, allowed, at=(int(bad[0]), name))
     with np.errstate(over="ignore"):
         total = float(route.travel_time_s.sum())
     if total > MAX_DURATION_S:

@@ -64,7 +64,8 @@ def time_faults(time_s: FloatArray, where: str) -> Iterator[Fault]:
         place = f"{where}, column 'time_s', row {k + 2}"
         got = f"no samples for {step[k]:g} s{others}"
         fix = fix or "give the whole trace, or the planned route as links"
-        yield Fault("gap in the samples", place, got, f"at most {LONGEST_GAP_S:g} s", fix)
+        at, allowed = ("time_s", k + 1), f"at most {LONGEST_GAP_S:g} s"
+        yield Fault("gap in the samples", place, got, allowed, fix, at=at)
 
 
 def gap_flags(time_s: FloatArray) -> tuple[Flag, ...]:

@@ -68,7 +68,8 @@ def header_faults(
     for k, name in enumerate(unknown[:MAX_FAULTS]):
         shown = name[:LONGEST_NAME]
         fix = hint(name) if k < MAX_HINTS else ""
-        yield Fault(what, f"{where}, column {shown!r}", shown, "" if k else ", ".join(known), fix)
+        allowed = "" if k else ", ".join(known)
+        yield Fault(what, f"{where}, column {shown!r}", shown, allowed, fix, at=(name,))
     if len(unknown) > MAX_FAULTS:
         yield Fault(what, where, f"{len(unknown) - MAX_FAULTS} more", ", ".join(known))
     twice = [(name, count) for name, count in Counter(names).items() if count > 1]

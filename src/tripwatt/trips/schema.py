@@ -94,20 +94,22 @@ def value_faults(samples: pd.DataFrame | Mapping[str, FloatArray], where: str) -
         missing = np.flatnonzero(~np.isfinite(values)) if name in REQUIRED_COLUMNS else np.empty(0, np.int64)
         if len(missing):
             got = f"{values[missing[0]]}{and_more(missing)}"
-            yield Fault("missing value", f"{place}{missing[0] + 1}", got, "a finite number")
+            first = int(missing[0])
+            yield Fault("missing value", f"{place}{first + 1}", got, "a finite number", at=(name, first))
         outside = np.flatnonzero((values < column.minimum) | (values > column.maximum))
         if len(outside):
             unit = "" if column.unit == "1" else f" {column.unit}"
             got = f"{values[outside[0]]:g}{unit}{and_more(outside)}"
             fix = IN_KM_H if name == "speed_m_s" and np.nanmax(values) > column.maximum else ""
-            yield Fault("value out of range", f"{place}{outside[0] + 1}", got, column.allowed, fix)
+            at = name, int(outside[0])
+            yield Fault("value out of range", f"{place}{at[1] + 1}", got, column.allowed, fix, at=at)
     time = np.asarray(samples["time_s"], dtype=np.float64)
     back = np.flatnonzero(np.diff(time) <= 0)
     if len(back):
         row = int(back[0]) + 1
         got = f"{time[row]:g} s after {time[row - 1]:g} s{and_more(back)}"
         place = f"{where}, column 'time_s', row {row + 1}"
-        yield Fault("time does not increase", place, got, "increasing times")
+        yield Fault("time does not increase", place, got, "increasing times", at=("time_s", row))
 
 
 def validate_samples(samples: pd.DataFrame, where: str) -> None:

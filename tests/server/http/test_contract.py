@@ -24,16 +24,17 @@ from tripwatt.command.journey import reach
 from tripwatt.errors import InvalidInput
 from tripwatt.fleet.nights import needs_by_hour
 from tripwatt.forecasting.document import ForecastResponse
-from tripwatt.roads.journey import JourneyOptions, find_reach
+from tripwatt.roads.journey import Atlas, JourneyOptions, find_reach
+from tripwatt.roads.routers import open_server
 from tripwatt.server.http.app import openapi_document
 from tripwatt.server.http.example_requests import EXAMPLES
 from tripwatt.server.http.fleets import NightRequest, PlannedTripRequest
 from tripwatt.server.http.jobs import Jobs
 from tripwatt.server.http.openapi import refuse_unknown_parameters
-from tripwatt.server.http.problems import TITLES, json_pointer
+from tripwatt.server.http.problems import TITLES
 from tripwatt.server.http.schemas import check_request, departure_of
 from tripwatt.server.http.settings import Limits
-from tripwatt.server.http.worker import chosen_fields
+from tripwatt.server.http.worker import chosen_fields, run_job
 from tripwatt.server.mcp import TOOLS
 from tripwatt.trips import ASKED, Departure
 
@@ -113,22 +114,59 @@ def test_problems_are_told_apart_and_nothing_is_deprecated(document: dict[str, A
     assert marked == {"get_view", "get_tile", "get_examples", "get_example"}
 
 
-@pytest.mark.parametrize(
-    ("where", "pointer"),
-    [
-        ("samples.speed_m_s[12]", "/samples/speed_m_s/12"),
-        ("link 3, grade", "/links/2/grade"),
-        ("link 1", "/links/0"),
-        ("elevation.position_m", "/elevation/position_m"),
-        ("soc", "/soc"),
-        ("body", ""),
-        ("query.limit", None),
-        ("distance_km, trip", None),
-        ("drive.csv, row 3", None),
-    ],
-)
-def test_a_place_in_the_body_has_a_pointer(where: str, pointer: str | None) -> None:
-    assert json_pointer(where) == pointer
+LINKS = [{"length_m": 900.0, "speed_m_s": 9.0}]
+WRONG_ROADS = [  # job, its body -> places of its faults
+    (
+        "forecast",
+        {"samples": {"time_s": [0, 2, 1], "speed_m_s": [0, None, 500]}},
+        {"/samples/speed_m_s/1", "/samples/speed_m_s/2", "/samples/time_s/2"},
+    ),
+    ("forecast", {"samples": {"time_s": [0, 1, 90], "speed_m_s": [0, 1, 1], "bms_soc": [2, 1, 1]}}, {"/samples/bms_soc/0"}),
+    ("forecast", {"samples": {"time_s": [0, 1, 9000], "speed_m_s": [0, 1, 1]}}, {"/samples/time_s/2"}),
+    ("forecast", {"samples": {"time_s": [0, "1", 2], "speed_m_s": [0, 1, 1], "soc": []}}, {"/samples/time_s/1", "/samples/soc"}),
+    ("forecast", {"samples": {"time_s": [0, 1, 2]}}, {"/samples"}),
+    ("forecast", {"links": [*LINKS, {"length_m": 9.0, "speed_m_s": -1}, {"length_m": 5}]}, {"/links/1/speed_m_s", "/links/2"}),
+    ("forecast", {"links": LINKS, "elevation": {"position_m": [5.0, 1.0], "elevation_m": [1.0, 2.0]}}, {"/elevation/position_m"}),
+    ("forecast", {"links": LINKS, "km/h~": 5}, {"/km~1h~0"}),
+    ("forecast", {"links": LINKS, "x" * 400: 5}, {None}),
+    ("forecast", {"links": LINKS, "car": "zzzz"}, {"/car"}),
+    ("forecast", {"links": LINKS, "departure": {"soc": 0.5}, "soc": 0.4}, {"/departure/soc"}),
+    ("forecast", {"route": "time_s,speed_m_s\n0,0\n1,500\n2,5"}, {"/route"}),
+    ("forecast", [], {""}),
+    ("difference", {"one": {"links": LINKS}, "other": {"links": [{"length_m": 5}]}}, {"/other/links/0"}),
+    ("difference", {"one": {"links": LINKS}, "other": {"links": LINKS, "driver": "ann"}}, {"/other/driver"}),
+    ("plan", {"stops": ["47.14,9.52", "147.10,9.61"], "soc": 0.8}, {"/stops/1"}),
+    ("reach", {"start": "nowhere", "soc": 0.8}, {"/start"}),
+    ("journey_difference", {"one": {"stops": ["1,2", "95,2"]}, "other": {"stops": ["1,2", "1,3"]}}, {"/one/stops/1"}),
+    ("road", {"stops": ["47.14,9.52", "x"]}, {"/stops/1"}),
+    ("distance", {"distance_km": 9, "car": "zzzz"}, {"car"}),
+    ("distance", {"trip": "A"}, {"car"}),
+    ("journeys.places", None, {"q"}),
+    ("route", "time_s,speed_m_s\n0,0\n1,500\n2,5", {None}),
+    ("route", "<gpx/>", {None}),
+]  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def placeless() -> Jobs:
+    return Jobs.from_folders({}, Limits(), Atlas(open_server("osrm=http://127.0.0.1:9")))
+
+
+@pytest.mark.parametrize(("kind", "given", "places"), WRONG_ROADS)
+def test_a_fault_has_its_place_in_the_body_or_its_parameter(
+    placeless: Jobs, kind: str, given: Any, places: set[str | None]
+) -> None:
+    job = {"kind": kind, "speed_m_s": None, "text": "x", "limit": 1}
+    status, content = run_job(
+        placeless, job, given.encode() if isinstance(given, str) else orjson.dumps(given)
+    )
+    faults = orjson.loads(content)["faults"]
+    assert status == 422
+    assert {fault.get("pointer", fault.get("parameter")) for fault in faults} == places
+    assert all(("parameter" in fault) == fault["where"].startswith("query.") for fault in faults)
+    if kind == "forecast" and "samples" in given and len(places) == 3:
+        by_place = {fault["pointer"]: (fault["where"], fault["got"]) for fault in faults}
+        assert by_place["/samples/speed_m_s/1"] == ("samples.speed_m_s[1]", "null")
 
 
 def test_unknown_parameters_are_refused(service: Service) -> None:

@@ -49,7 +49,7 @@ def test_detail_and_instance_are_told_where_there_are_any() -> None:
 
 
 def test_fifty_faults_are_listed_and_further_ones_counted() -> None:
-    faults = [Fault("wrong", f"f{k}") for k in range(52)]
+    faults = [Fault("wrong", f"f{k}", at=(f"f{k}",)) for k in range(52)]
     fifty = Problem("invalid-input", faults=faults[:50]).document()
     assert (len(fifty["faults"]), "more_faults" in fifty) == (50, False)
     one_more = Problem("invalid-input", faults=faults[:51]).document()

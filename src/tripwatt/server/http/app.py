@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any, Final
@@ -148,7 +149,8 @@ def _add_handlers(app: FastAPI) -> None:
     async def on_parameters(request: Request, error: RequestValidationError) -> Response:
         described = app.openapi()["paths"][request.scope["route"].path][request.method.lower()]
         known = [parameter["name"] for parameter in described["parameters"]]
-        return await on_problem(request, InvalidInput(schemas.faults_of(error.errors(), known)))
+        faults = (replace(fault, at=None) for fault in schemas.faults_of(error.errors(), known))
+        return await on_problem(request, InvalidInput(faults))
 
 
 if __name__ == "__main__":

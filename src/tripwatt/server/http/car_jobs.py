@@ -120,7 +120,7 @@ class CarJobs:
         except InvalidInput:
             if not folders.is_car(folder):  # else another call was faster
                 raise
-        fault = Fault("name is taken", "name", excerpt(name), "a name that no car has")
+        fault = Fault("name is taken", "name", excerpt(name), "a name that no car has", at=("name",))
         raise Problem("name-taken", faults=(fault,))
 
     def forget(self, name: str) -> dict[str, Any]:

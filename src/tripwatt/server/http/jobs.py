@@ -5,6 +5,7 @@ from __future__ import annotations
 import datetime as dt
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
+from functools import partial
 from operator import attrgetter
 from pathlib import Path
 from typing import Any, Final, get_type_hints
@@ -12,7 +13,7 @@ from typing import Any, Final, get_type_hints
 from cachetools import LRUCache, cached
 
 from tripwatt.certification import describe_car
-from tripwatt.errors import Fault, InvalidInput, places_named, require_one
+from tripwatt.errors import Fault, InvalidInput, each_fault, places_named, require_one
 from tripwatt.fleet.registry import FollowedModel, is_registry
 from tripwatt.forecasting import Forecast, ForecastModel, load_model
 from tripwatt.forecasting.leaving import leave_with
@@ -24,7 +25,7 @@ from tripwatt.roads.journey import Atlas, range_km
 from tripwatt.server.cars.documents import require_plausible
 from tripwatt.server.http import journey_schemas as journey
 from tripwatt.server.http.car_jobs import CarJobs
-from tripwatt.server.http.car_schemas import NewCarRequest
+from tripwatt.server.http.car_schemas import LivePlanRequest, NewCarRequest
 from tripwatt.server.http.fleets import (
     follow_registry,
     model_summary,
@@ -44,6 +45,8 @@ from tripwatt.server.http.schemas import (
     check_request,
     departure_of,
     parse_json,
+    placed,
+    within,
 )
 from tripwatt.server.http.settings import Limits
 from tripwatt.sources.sample import sample_trips
@@ -56,6 +59,9 @@ MAX_TRANSFERRED: Final = 64
 
 PARAMETER_TYPES: Final = cached(LRUCache(256))(get_type_hints)
 """Types of the parameters of a job by name, which take a while to find."""
+
+QUERIES: Final = (journey.NeedQuery, journey.RangeQuery)
+"""Requests that are parameters of a URL."""
 
 Known = Mapping[str, Any]
 NOTHING: Final[Known] = {}
@@ -158,10 +164,15 @@ class Jobs:
         work: Callable[..., dict[str, Any] | bytes] = attrgetter(kind)(self)
         arguments = {**parameters, "body": body}
         types = PARAMETER_TYPES(work)
-        if "request" in types:
-            request = check_request(parse_json(body), types["request"], self)
-            arguments["request"] = _with_charge(request, parameters.get("last_message") or {})
-        return work(**{name: arguments[name] for name in types if name in arguments})
+        asked = types.get("request", LivePlanRequest if kind == "road" else None)
+        fields, in_query = {*getattr(asked, "model_fields", ())}, asked in QUERIES
+        with each_fault(partial(placed, fields=fields, in_query=in_query)):
+            if "request" in types:
+                document = parse_json(body)
+                fields.update(document if isinstance(document, Mapping) else ())
+                request = check_request(document, types["request"], self)
+                arguments["request"] = _with_charge(request, parameters.get("last_message") or {})
+            return work(**{name: arguments[name] for name in types if name in arguments})
 
     def forecast(self, request: ForecastRequest) -> dict[str, Any]:
         """Forecast a trip from a speed trace or from the links of a planned route."""
@@ -196,7 +207,10 @@ class Jobs:
 
     def difference(self, request: DifferenceRequest) -> dict[str, Any]:
         """Compare two trips of one car: what both share cancels, and the difference has an interval of its own."""
-        return self._make_forecast(request.one).difference(self._make_forecast(request.other)).to_dict()
+        with each_fault(partial(within, ["one"])):
+            one = self._make_forecast(request.one)
+        with each_fault(partial(within, ["other"])):
+            return one.difference(self._make_forecast(request.other)).to_dict()
 
     def journey_difference(self, request: journey.JourneyDifferenceRequest) -> dict[str, Any]:
         """Compare two journeys of one car with the time and energy of their stops to charge, as `POST /v1/forecast/difference` does trips."""

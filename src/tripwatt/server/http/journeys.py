@@ -5,9 +5,10 @@ from __future__ import annotations
 import datetime as dt
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
+from functools import partial
 from typing import Any
 
-from tripwatt.errors import Fault, InvalidInput, raise_faults
+from tripwatt.errors import Fault, InvalidInput, each_fault, raise_faults
 from tripwatt.forecasting import ForecastModel
 from tripwatt.roads.advice import advise, leaving_later
 from tripwatt.roads.journey import (
@@ -22,7 +23,7 @@ from tripwatt.roads.journey import (
 )
 from tripwatt.server.http import journey_schemas as asked
 from tripwatt.server.http.problems import Problem
-from tripwatt.server.http.schemas import departure_of
+from tripwatt.server.http.schemas import departure_of, within
 
 
 @dataclass(frozen=True)
@@ -43,9 +44,11 @@ class JourneyJobs:
 
     def difference(self, request: asked.JourneyDifferenceRequest, *models: ForecastModel) -> dict[str, Any]:
         """Return the response to a `JourneyDifferenceRequest`, with the models of both journeys."""
-        pairs = zip((request.one, request.other), models, strict=True)
-        one, other = (self._journey(*pair, answers=True) for pair in pairs)
-        return one.difference(other, request.road).to_dict()
+        journeys = []
+        for name, model in zip(("one", "other"), models, strict=True):
+            with each_fault(partial(within, [name])):
+                journeys.append(self._journey(getattr(request, name), model, answers=True))
+        return journeys[0].difference(journeys[1], request.road).to_dict()
 
     def advice(self, request: asked.JourneyAdviceRequest, model: ForecastModel) -> dict[str, Any]:
         """Return the response to a `JourneyAdviceRequest`: what to do on the fastest road, with its stops to charge."""
@@ -74,7 +77,8 @@ class JourneyJobs:
         """Return the places that a text finds by name."""
         atlas = self._atlas()
         if atlas.places is None:
-            raise InvalidInput.of("names of places are not known", "q", text[:60], "latitude and longitude")
+            what, allowed = "names of places are not known", "latitude and longitude"
+            raise InvalidInput.of(what, "query.q", text[:60], allowed)
         matches = atlas.places.search(text, limit=limit)
         return {"places": [place.to_dict() for place in matches], "attribution": atlas.attribution}
 

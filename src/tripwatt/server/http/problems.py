@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Final
 
@@ -19,11 +18,6 @@ MAX_FAULTS: Final = 50
 
 MAX_TEXT_LENGTH: Final = 300
 """Most characters of a text of a fault, so that a document does not repeat a large input. A choice."""
-
-LINK: Final = re.compile(r"(?:(.+)\.)?link (\d+)(?:, (\w+))?")
-IN_BODY: Final = re.compile(r"\w+(\.\w+|\[\d+\])*")
-OUTSIDE: Final = ("query.", "path.", "header.")
-"""Patterns of the places of faults: in a link, elsewhere in the body, and (as prefixes) outside the body."""
 
 SAFE_METHODS: Final = frozenset({"GET", "HEAD", "OPTIONS"})
 """Methods of requests that change nothing."""
@@ -80,7 +74,7 @@ class Problem(Exception):
         texts = {"detail": self.detail, "instance": instance}
         document |= {name: text for name, text in texts.items() if text}
         if self.faults:
-            document["faults"] = [_with_pointer(fault_document(fault)) for fault in self.faults[:MAX_FAULTS]]
+            document["faults"] = [*map(_with_place, self.faults[:MAX_FAULTS])]
             unlisted = len(self.faults) - MAX_FAULTS
             document["detail"] = "; ".join(f"{f['where']}: {f['what']}" for f in document["faults"][:3])
             if unlisted > 0:
@@ -98,30 +92,25 @@ def fault_document(fault: Fault) -> dict[str, str]:
     return {name: text.encode("utf-8", "replace").decode() for name, text in cut.items()}
 
 
-def _with_pointer(fault: Mapping[str, str]) -> dict[str, str]:
-    pointer, (place, _, name) = json_pointer(fault["where"]), fault["where"].partition(".")
-    if place == "query":
-        return {**fault, "parameter": name}
-    return {**fault, **({} if pointer is None else {"pointer": pointer})}
+def _with_place(fault: Fault) -> dict[str, str]:
+    document, (place, _, name) = fault_document(fault), fault.where.partition(".")
+    if fault.at is None:
+        return document | ({"parameter": name} if place == "query" else {})
+    if fault.at[:1] == ("query",) and len(fault.at) > 1:  # no request has such an object
+        return document | {"where": f"query.{document['where']}", "parameter": f"{fault.at[1]}"}
+    pointer = json_pointer(fault.at)
+    return document | ({"pointer": pointer} if len(pointer) <= MAX_TEXT_LENGTH else {})
 
 
-def json_pointer(where: str) -> str | None:
-    """Return the JSON pointer (RFC 6901) of a place in the body of a request; None if the place is not in the body.
+def json_pointer(steps: Iterable[str | int]) -> str:
+    """Return the JSON pointer (RFC 6901) of a place in the body of a request.
 
     Examples
     --------
-    >>> json_pointer("samples.speed_m_s[3]"), json_pointer("one.link 2, length_m"), json_pointer("body")
-    ('/samples/speed_m_s/3', '/one/links/1/length_m', '')
+    >>> json_pointer(["samples", "speed_m_s", 3]), json_pointer(["km/h"]), json_pointer([])
+    ('/samples/speed_m_s/3', '/km~1h', '')
     """
-    if where == "body":
-        return ""
-    link = LINK.fullmatch(where)
-    if link:
-        inside = (json_pointer(link[1]) or "") if link[1] else ""
-        return "/".join([f"{inside}/links", str(int(link[2]) - 1), *filter(None, [link[3]])])
-    if where.startswith(OUTSIDE) or not IN_BODY.fullmatch(where):
-        return None
-    return "/" + re.sub(r"\[(\d+)\]", r".\1", where).replace(".", "/")
+    return "".join("/" + f"{step}".replace("~", "~0").replace("/", "~1") for step in steps)
 
 
 def problem_of(error: Problem | InvalidInput) -> Problem:

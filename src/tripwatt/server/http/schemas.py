@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import datetime as dt
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
+import re
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
+from functools import partial
 from types import NoneType
 from typing import TYPE_CHECKING, Annotated, Any, Final, Literal, Self, TypeVar
 
@@ -31,7 +33,7 @@ from pydantic import (
 from pydantic_core import PydanticCustomError, PydanticKnownError
 
 from tripwatt.arrays import FloatArray
-from tripwatt.errors import MAX_HINTS, Fault, InvalidInput, did_you_mean, excerpt, raise_faults
+from tripwatt.errors import MAX_HINTS, Fault, InvalidInput, did_you_mean, each_fault, excerpt, raise_faults
 from tripwatt.forecasting.document import FlagDocument
 from tripwatt.routes import LinkRoute, route_from_links
 from tripwatt.routes.link_objects import route_with_elevation
@@ -58,6 +60,9 @@ PROBLEM_KINDS: Final[dict[str, Any]] = {
     "x-enum-varnames": [kind.upper().replace("-", "_") for kind in TITLES],
 }
 """Types of problems, and their names in generated clients."""
+
+FIELD: Final = re.compile(r"\w+(\.\w+|\[\d+\])*")
+"""Form of the name of a field in a fault."""
 
 FAULTS: Final = "tripwatt_faults"
 """Type of the errors of pydantic that hold faults."""
@@ -121,7 +126,7 @@ def parse_samples(value: Any, limits: Limits) -> pd.DataFrame:
     InvalidInput
         With the positions of wrong values.
     """
-    samples = canonical_samples(_columns(value, "samples", limits), "samples")
+    samples = _checked_table(value, "samples", limits)
     time = samples["time_s"].to_numpy()
     require_duration(float(time[-1] - time[0]), "samples", limits)
     return samples
@@ -129,8 +134,7 @@ def parse_samples(value: Any, limits: Limits) -> pd.DataFrame:
 
 def parse_observed(value: Any, limits: Limits) -> pd.DataFrame:
     """Check the field `observed` of an update, and return it as a table; parameters and errors are those of `parse_samples`."""
-    columns = _columns(value, "observed", limits)
-    return canonical_samples(columns, "observed", required=("time_s",), minimum=MIN_OBSERVED)
+    return _checked_table(value, "observed", limits, required=("time_s",), minimum=MIN_OBSERVED)
 
 
 def parse_links(links: Any, limits: Limits) -> LinkRoute:
@@ -151,7 +155,8 @@ def parse_links(links: Any, limits: Limits) -> LinkRoute:
         raise InvalidInput.of("not a list", "links", excerpt(links), "a list of objects")
     if len(links) > limits.links:
         raise InvalidInput.of("too many links", "links", f"{len(links)}", f"at most {limits.links}")
-    route = route_from_links(links)
+    with each_fault(lambda fault: replace(fault, at=("links", *(fault.at or ())))):
+        route = route_from_links(links)
     require_duration(route.duration_s, "links", limits)
     return route
 
@@ -169,6 +174,30 @@ def require_duration(duration_s: float, where: str, limits: Limits) -> None:
         raise InvalidInput.of("duration out of range", where, f"{duration_s:g} s", allowed)
 
 
+def _checked_table(value: Any, where: str, limits: Limits, **rules: Any) -> pd.DataFrame:
+    columns = _columns(value, where, limits)
+    with each_fault(partial(of_json, where)):
+        return canonical_samples(columns, where, **rules)
+
+
+def of_json(table: str, fault: Fault) -> Fault:
+    """Return a fault of a table with its place and its value as in the JSON of a request."""
+    steps = [BMS_SOC.get(f"{step}", step) for step in fault.at or ()]
+    at, got = (table, *steps), fault.got.replace("nan", "null")
+    return replace(fault, where=dotted(at) if steps else fault.where, got=got, at=at)
+
+
+def dotted(steps: Iterable[str | int]) -> str:
+    """Return a place in JSON as a text.
+
+    Examples
+    --------
+    >>> dotted(["stops", 2, "name"])
+    'stops[2].name'
+    """
+    return "".join(f"[{step}]" if isinstance(step, int) else f".{step}" for step in steps).lstrip(".")
+
+
 def _columns(value: Any, where: str, limits: Limits) -> dict[str, FloatArray]:
     if not isinstance(value, Mapping):
         raise InvalidInput.of("not an object", where, excerpt(value), "an object of lists of numbers")
@@ -177,15 +206,17 @@ def _columns(value: Any, where: str, limits: Limits) -> dict[str, FloatArray]:
     if "soc" in value:
         faults.append(Fault("unknown column", f"{where}.soc", fix=did_you_mean("soc", BMS_SOC.values())))
     for name, values in value.items():
-        field = f"{where}.{name}"[:80]
+        field, fault = f"{where}.{name}"[:80], partial(Fault, at=(where, name))
         if not isinstance(values, list):
-            faults.append(Fault("not a list", field, excerpt(values), "a list of numbers"))
+            faults.append(fault("not a list", field, excerpt(values), "a list of numbers"))
         elif len(values) > limits.samples:
-            faults.append(Fault("too many samples", field, f"{len(values)}", f"at most {limits.samples}"))
+            faults.append(fault("too many samples", field, f"{len(values)}", f"at most {limits.samples}"))
         elif not set(map(type, values)) <= NUMBER_TYPES:
             position = next(k for k, v in enumerate(values) if type(v) not in NUMBER_TYPES)
             got, allowed = excerpt(values[position]), "a number, or null where unknown"
-            faults.append(Fault("not a number", f"{field}[{position}]", got, allowed))
+            faults.append(
+                Fault("not a number", f"{field}[{position}]", got, allowed, at=(where, name, position))
+            )
         else:
             columns["soc" if name == "bms_soc" else name] = np.array(values, dtype=np.float64)
     raise_faults(faults)
@@ -397,7 +428,8 @@ class RoadRequest(StrictModel):
         speed = given.get("speed_m_s")
         if speed is not None and not (type(speed) in NUMBER_TYPES and 0.0 < speed <= 70.0):
             return given  # its field has the fault
-        with _collect_faults(whole=True):
+        at = ("route",) if isinstance(given["route"], str) else None  # no place inside of a text
+        with _collect_faults(whole=True), each_fault(lambda fault: replace(fault, at=at)):
             if any(given.get(name) is not None for name in ("samples", "links", "elevation")):
                 got = "route beside links, samples or elevation"
                 raise InvalidInput.of("no single trip", "route", got, "one of them")
@@ -413,7 +445,8 @@ class RoadRequest(StrictModel):
         """
         samples, links = self.samples, self.links
         if samples is not None and links is None:
-            return Plan.from_samples(samples, "samples")
+            with each_fault(partial(of_json, "samples")):
+                return Plan.from_samples(samples, "samples")
         if links is None or samples is not None:
             got = "neither" if links is None else "both"
             raise InvalidInput.of("no single trip", "samples, links", got, "samples, links or a route")
@@ -620,7 +653,7 @@ def json_object(body: bytes) -> dict[str, Any]:
     """
     document = parse_json(body)
     if not isinstance(document, dict):
-        raise InvalidInput.of("not an object", "body", excerpt(document), "an object")
+        raise InvalidInput(Fault("not an object", "body", excerpt(document), "an object", at=()))
     return document
 
 
@@ -653,16 +686,39 @@ def faults_of(errors: Iterable[Mapping[str, Any]], known: Collection[str]) -> It
         steps = [step for step in error["loc"] if step not in (NAME, DOCUMENT)]
         if error["type"] == FAULTS:
             outer = steps if error["ctx"]["whole"] else steps[:-1]
-            inside = "".join(f"[{step}]" if isinstance(step, int) else f".{step}" for step in outer)
             for fault in error["ctx"]["faults"]:
-                yield replace(fault, where=f"{inside}.{fault.where}".lstrip("."))
+                its = placed(within(outer, fault), known)
+                yield its if its.at or error["ctx"]["whole"] else replace(its, at=(*steps,))
             continue
         is_unknown = number < MAX_HINTS and error["type"] == "extra_forbidden"
         fix = did_you_mean(str(steps[-1]), known) if is_unknown else ""
         what, allowed = WORDS["faults"].get(error["type"], (error["msg"], ""))
         bounds = {n: f"{v:g}" if isinstance(v, float) else v for n, v in error.get("ctx", {}).items()}
         where, allowed = ".".join(map(str, steps))[:80], allowed.format(**bounds)
-        yield Fault(what, where or "body", excerpt(error.get("input"), 80), allowed, fix)
+        got = excerpt(error.get("input"), 80)
+        yield Fault(what, where or "body", got, allowed, fix, at=(*steps,))
+
+
+def within(outer: Sequence[str | int], fault: Fault) -> Fault:
+    """Return a fault of a part of a request with its place in the whole request."""
+    where = f"{dotted(outer)}.{fault.where}".lstrip(".")
+    return replace(fault, where=where, at=None if fault.at is None else (*outer, *fault.at))
+
+
+def placed(fault: Fault, fields: Collection[str], *, in_query: bool = False) -> Fault:
+    """Return a fault with its place in a request: that of the fault, or the field that its text names; None if `fields` lacks it.
+
+    Examples
+    --------
+    >>> placed(Fault("unknown place", "stops[1]"), ["stops"]).at, placed(Fault("no road", "drive.csv"), ["stops"]).at
+    (('stops', '1'), None)
+    """
+    steps = fault.at
+    if steps is None and FIELD.fullmatch(fault.where):
+        steps = tuple(re.findall(r"\w+", fault.where))
+    if steps is None or not {*steps[:1]} <= {*fields}:
+        return replace(fault, at=None)
+    return replace(fault, at=("query", *steps) if in_query else steps)
 
 
 def with_elevation(route: LinkRoute, elevation: Elevation, limits: Limits) -> LinkRoute:
