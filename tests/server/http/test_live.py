@@ -16,6 +16,7 @@ from typing import Any, Final
 
 import anyio
 import httpx
+import numpy as np
 import orjson
 import pandas as pd
 import pytest
@@ -180,7 +181,12 @@ def test_the_forecast_on_the_way_is_that_of_update(
     assert (found["forecast"]["reserve"], found["forecast"]["measured_until_s"]) == (0.3, 399.0)
     assert found["messages"] == {"new": 400, "doubled": 0, "late": 0, "faulty": 0}
     assert found["faults"] == []
-    assert dt.datetime.fromisoformat(found["trip"]["departs_at"]).timestamp() == NOON_S
+    trip = found["trip"]
+    assert dt.datetime.fromisoformat(trip["departs_at"]).timestamp() == NOON_S
+    assert (trip["duration_s"], trip["samples"]) == (found["forecast"]["measured_until_s"], 400)
+    power_w, speed_m_s = drive["voltage_v"] * drive["current_a"], drive["speed_m_s"]
+    assert trip["distance_m"] == pytest.approx(np.trapezoid(speed_m_s, drive["time_s"]))
+    assert trip["energy_wh"] == pytest.approx(np.trapezoid(power_w, drive["time_s"]) / 3600.0)
     assert served("/v1/live/zoe").json()["forecast"] is None
 
 

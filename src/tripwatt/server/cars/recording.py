@@ -14,7 +14,7 @@ import pandas as pd
 from tripwatt.errors import Fault
 from tripwatt.forecasting.measured import Columns, measured_energy
 from tripwatt.server.cars.documents import LiveMessages
-from tripwatt.server.cars.live_trip import SILENCE_S, LiveTrip, TripFinder
+from tripwatt.server.cars.live_trip import HOLD_S, SILENCE_S, LiveTrip, TripFinder
 from tripwatt.server.cars.plan import LivePlan
 from tripwatt.server.cars.sender import Arrival, OrderedSamples, Place, Sender
 from tripwatt.server.cars.telemetry import CHARGES, Sample
@@ -239,16 +239,18 @@ class Recorder:
         }
 
     def _about(self, trip: LiveTrip) -> dict[str, Any]:
-        """Return the `LiveTripDocument` of a trip."""
-        latest = self.measured()
-        power_w = latest["voltage_v"] * latest["current_a"] if "current_a" in latest else None
-        found = {"energy_wh": measured_energy(trip.columns()), "power_w": power_w}
+        """Return the `LiveTripDocument` of a trip, including samples that wait for late ones."""
+        measured = trip.columns(self._ordered.waiting)
+        time_s, speed_m_s = measured["time_s"], measured["speed_m_s"]
+        driven_m = 0.5 * (speed_m_s[1:] + speed_m_s[:-1]) @ np.minimum(np.diff(time_s), HOLD_S)
+        power_w = measured["voltage_v"] * measured["current_a"] if "current_a" in measured else None
+        found = {"energy_wh": measured_energy(measured), "power_w": power_w}
         known = {n: [] if v is None else v[np.isfinite(v)][-1:].tolist() for n, v in found.items()}
         return {
             "departs_at": dt.datetime.fromtimestamp(trip.start_s, dt.UTC).isoformat(),
-            "duration_s": trip.last_s - trip.start_s,
-            "distance_m": trip.distance_m,
-            "samples": len(trip),
+            "duration_s": float(time_s[-1]),
+            "distance_m": float(driven_m),
+            "samples": len(time_s),
             **{name: values[-1] if values else None for name, values in known.items()},
         }
 
