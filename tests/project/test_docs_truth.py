@@ -30,6 +30,8 @@ LINK = re.compile(r"\]\(([^)\s]+)\)")
 MODULE = re.compile(
     r"(?<![\w./@-])(?:tripwatt|benchmarks|tools)(?!\.(?:example|correctors|plan)\b)(?:\.[A-Za-z_]\w*)+"
 )  # a name of users, a group of entry points, an action of Home Assistant
+MEMBER = re.compile(r"`(\w+(?:\.\w+)*)`\s+of\s+`(tripwatt(?:\.\w+)*)`")
+CALL = re.compile(r'([a-z]+(?:_[a-z]+)+)\("')  # of ours with a text: others are signatures of methods
 SCRIPT = re.compile(r"(?<![\w.*<])[\w-]+(?:/[\w.-]+)*\.py\b")
 TARGET = re.compile(r"(?<![\w-])make ((?:[A-Z]+=\S+ )*)([a-z][a-z-]*)")
 RUN_MODULE = re.compile(r"python3? -m ((?:tripwatt|benchmarks|tools)[\w.]*)")
@@ -75,6 +77,22 @@ def dead_modules(code: list[str]) -> Iterator[str]:
         for path in SCRIPT.findall(span):
             if not any(script.endswith("/" + path) for script in scripts()):
                 yield f"file {path}"
+
+
+def dead_members(text: str, spans: list[str]) -> Iterator[str]:
+    """What a module is said to have and lacks, and calls of functions that nothing defines."""
+    for name, module in MEMBER.findall(text):
+        if not is_known(f"{module}.{name}"):
+            yield f"{name} of {module}"
+    for span in spans:
+        if (called := CALL.match(span)) and called[1] not in functions():
+            yield f"call of {called[1]}"
+
+
+@cache
+def functions() -> frozenset[str]:
+    sources = (file.read_text("utf-8") for name in ("src", "gamm") for file in (ROOT / name).rglob("*.py"))
+    return frozenset(name for text in sources for name in re.findall(r"^def (\w+)", text, re.MULTILINE))
 
 
 def dead_runs(code: list[str]) -> Iterator[str]:
@@ -160,7 +178,7 @@ def dead_names(page: Path) -> list[str]:
     text = page.read_text("utf-8")
     code = code_of(text)
     # Decisions are history: they keep the names of their time.
-    modules = [] if page.parent.name == "decisions" else list(dead_modules(code))
+    modules = [] if page.parent.name == "decisions" else [*dead_modules(code), *dead_members(text, code)]
     return sorted({*modules, *dead_runs(code), *dead_commands(code), *dead_links(text, page)})
 
 
@@ -175,7 +193,7 @@ def test_every_kind_of_dead_name_is_found(tmp_path: Path) -> None:
         "Alive: `tripwatt.units`, `tripwatt_gamm/fit.py`, `tripwatt mapping suggest FILE`, `make check`, [here](#a-heading).\n"
         "# A heading\n"
         "Dead: `tripwatt.no_module`, `tripwatt.units.NO_NAME`, `no/file.py`, `tripwatt nothing`, "
-        "`tripwatt evaluate --no-such`, `make nothing`, [gone](gone.md), [lost](#lost), `python -m benchmarks.gone`.\n"
+        '`tripwatt evaluate --no-such`, `make nothing`, `no_call("a")`, `Gone` of `tripwatt.units`, `SUFFIXES` of\n`tripwatt.units`, [gone](gone.md), [lost](#lost), `python -m benchmarks.gone`.\n'
         "```\n"
         "tripwatt mapping guess FILE  # no command\n"
         "tripwatt fit DATA \\\n"
@@ -184,6 +202,8 @@ def test_every_kind_of_dead_name_is_found(tmp_path: Path) -> None:
         encoding="utf-8",
     )
     assert dead_names(page) == [
+        "Gone of tripwatt.units",
+        "call of no_call",
         "file no/file.py",
         "link #lost",
         "link gone.md",
