@@ -322,6 +322,9 @@ def test_speeds_that_no_car_reaches_in_the_time_are_those_of_another_unit_of_tim
     result = audit([log(twice)])
     assert [f[3] for f in told(result)] == ["trimmed", "set aside"]
     assert result.set_aside == {"Log": "no part of the log with a moving car is left"}
+    frozen = jagged(300).assign(speed_m_s=20.0, voltage_v=350.0, current_a=30.0)
+    (why,) = audit([log(frozen)]).set_aside.values()
+    assert why == "no part of the log with a moving car is left; every signal frozen for 299.0 s at 72 km/h"
 
 
 def test_fewer_than_two_samples_make_no_drive():

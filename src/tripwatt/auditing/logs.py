@@ -216,7 +216,8 @@ def _legs(trip: Recorded, samples: pd.DataFrame, cuts: Sequence[Cut]) -> tuple[l
         # 10 m/s²: more than the hardest braking on a road
         if fastest > 10.0 * max(lasts, 0.1):
             what = f"speeds of up to {3.6 * fastest:.0f} km/h in {lasts:.3g} s: the unit of time is wrong"
-        findings.append(whole(samples, trip.trip_id, what, "set aside"))
+        longest = max([(cut.stop - cut.first, cut.what) for cut in cuts if cut.stop > cut.first], default=())
+        findings.append(whole(samples, trip.trip_id, "; ".join([what, *longest[1:]]), "set aside"))
     legs = []
     for number, (first, piece) in enumerate(driven, start=1):
         name = trip.trip_id if len(driven) == 1 else f"{trip.trip_id}-{number}"
