@@ -305,6 +305,11 @@ def test_a_car_by_figures_has_a_model_at_once(service: Service) -> None:
     assert two["faults"][0]["what"] == "the car has its own model"
     unplanned = service.client.get("/v1/need", params={"car": "by-figures"}).json()
     assert unplanned["type"] == "/problems/no-plan", "it is known without a token"
+    (fault,) = service.client.post("/v1/cars", json=body | {"car": 7}).json()["faults"]
+    assert (fault["where"], fault["allowed"]) == ("car", "a name or an object")
+    (fault,) = service.client.post("/v1/cars/by-figures/uploads/AB", json={}).json()["faults"]
+    assert (fault["where"], fault["got"]) == ("path.upload", "'AB'")
+    assert fault["fix"] == "8 to 32 small letters and digits, chosen by the client"
     again = service.client.post("/v1/cars", json=body)
     assert (again.status_code, again.json()["type"]) == (409, "/problems/name-taken")
     (fault,) = again.json()["faults"]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import orjson
 import pytest
+from tests.support import ROOT
 
 from tripwatt.errors import Fault
 from tripwatt.server.http.problems import TITLES, Problem, fault_document
@@ -41,6 +42,12 @@ def test_a_problem_has_the_status_and_type_of_its_kind(kind: str, status: int) -
     problem = Problem(kind)
     assert problem.status == status
     assert problem.document() == {"type": f"/problems/{kind}", "title": TITLES[kind][1], "status": status}
+
+
+def test_a_server_that_answers_wrongly_is_not_said_to_be_silent() -> None:
+    said = TITLES["remote"][1].partition(" that was asked ")[2]
+    assert said == "did not answer correctly"
+    assert f"server {said}" in (ROOT / "docs" / "reference" / "service.md").read_text("utf-8")
 
 
 def test_detail_and_instance_are_told_where_there_are_any() -> None:

@@ -148,8 +148,11 @@ def _add_handlers(app: FastAPI) -> None:
     @app.exception_handler(RequestValidationError)
     async def on_parameters(request: Request, error: RequestValidationError) -> Response:
         described = app.openapi()["paths"][request.scope["route"].path][request.method.lower()]
-        known = [parameter["name"] for parameter in described["parameters"]]
-        faults = (replace(fault, at=None) for fault in schemas.faults_of(error.errors(), known))
+        about = {row["name"]: row.get("description", "") for row in described["parameters"]}
+        faults = [replace(fault, at=None) for fault in schemas.faults_of(error.errors(), about)]
+        for k, fault in enumerate(faults):
+            if fault.allowed.startswith("^"):  # a pattern, which the description has in words
+                faults[k] = replace(fault, fix=about.get(fault.where.partition(".")[2], ""))
         return await on_problem(request, InvalidInput(faults))
 
 

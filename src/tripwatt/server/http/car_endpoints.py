@@ -51,7 +51,10 @@ UPLOAD: Final = "/v1/cars/{car}/uploads/{upload}"
 
 CarName = Annotated[str, PathValue(pattern=f"^{VALID_NAME.pattern}$", description="name of the car")]
 UploadName = Annotated[
-    str, PathValue(pattern="^[a-z0-9]{8,32}$", description="name of the upload, chosen by the client")
+    str,
+    PathValue(
+        pattern="^[a-z0-9]{8,32}$", description="8 to 32 small letters and digits, chosen by the client"
+    ),
 ]
 Entries = Annotated[int, Query(ge=0, le=1000, description="most entries of the answer")]
 Trip = Annotated[

@@ -692,7 +692,8 @@ def faults_of(errors: Iterable[Mapping[str, Any]], known: Collection[str]) -> It
             continue
         is_unknown = number < MAX_HINTS and error["type"] == "extra_forbidden"
         fix = did_you_mean(str(steps[-1]), known) if is_unknown else ""
-        what, allowed = WORDS["faults"].get(error["type"], (error["msg"], ""))
+        kind = "named_or_given" if error["loc"][-1:] == (DOCUMENT,) else error["type"]
+        what, allowed = WORDS["faults"].get(kind, (error["msg"], ""))
         bounds = {n: f"{v:g}" if isinstance(v, float) else v for n, v in error.get("ctx", {}).items()}
         where, allowed = ".".join(map(str, steps))[:80], allowed.format(**bounds)
         got = excerpt(error.get("input"), 80)
