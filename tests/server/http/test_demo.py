@@ -11,8 +11,11 @@ import subprocess
 import sys
 import time
 import urllib.request
+from email.message import Message
+from http.client import BadStatusLine
 from pathlib import Path
 from typing import Any
+from urllib.error import HTTPError
 
 import httpx
 import numpy as np
@@ -94,6 +97,26 @@ def test_samples_are_sent_at_their_times_as_those_of_a_route_planner(monkeypatch
     url = "http://h/v1/telemetry"
     assert sent[0] == (url, "POST", {"token": "secret", "tlm": message}, demo.EVERY_S)
     assert [document["tlm"]["utc"] for _, _, document, _ in sent] == [103.0, 101.0]
+
+
+@pytest.mark.parametrize(
+    "error", [HTTPError("", 503, "", Message(), None), ConnectionResetError(), BadStatusLine("")]
+)
+def test_a_message_that_does_not_arrive_does_not_end_the_drive(
+    monkeypatch: pytest.MonkeyPatch, error: Exception
+) -> None:
+    sent = list[urllib.request.Request]()
+
+    def urlopen(request: urllib.request.Request, timeout: float) -> contextlib.nullcontext[None]:
+        sent.append(request)
+        if len(sent) == 1:
+            raise error
+        return contextlib.nullcontext()
+
+    monkeypatch.setattr(urllib.request, "urlopen", urlopen)
+    values = {"speed_m_s": 10.0, "voltage_v": 360.0, "current_a": -20.0}
+    demo.send(iter([(1.0, values), (2.0, values)]), "http://h", "secret")
+    assert len(sent) == 2
 
 
 def test_what_is_there_is_used_again(made: Settings, monkeypatch: pytest.MonkeyPatch) -> None:

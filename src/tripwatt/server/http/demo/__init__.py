@@ -8,7 +8,9 @@ import shutil
 import time
 import urllib.request
 from collections.abc import Callable, Iterator, Mapping
+from contextlib import suppress
 from dataclasses import replace
+from http.client import HTTPException
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, Final
@@ -130,5 +132,6 @@ def send(samples: Drive, url: str, token: str) -> None:
         }
         body, headers = orjson.dumps({"token": token, "tlm": message}), {"Content-Type": "application/json"}
         request = urllib.request.Request(f"{url}/v1/telemetry", body, headers, method="POST")
-        with urllib.request.urlopen(request, timeout=EVERY_S):
+        # the next message follows after one that the service refuses, or does not take as it stops
+        with suppress(OSError, HTTPException), urllib.request.urlopen(request, timeout=EVERY_S):
             pass
