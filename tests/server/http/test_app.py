@@ -277,7 +277,7 @@ def test_pages_of_other_origins_read_answers_only_where_they_are_named() -> None
     assert answer.headers["access-control-allow-origin"] == "https://a.example"
     assert "access-control-allow-credentials" not in answer.headers
     exposed = set(answer.headers["access-control-expose-headers"].split(", "))
-    assert {"ETag", "Retry-After"} <= exposed
+    assert {"ETag", "Location", "Retry-After"} <= exposed
 
 
 def test_the_document_has_the_path_in_front() -> None:

@@ -82,6 +82,7 @@ def new_car(service: Service, name: str, vehicle: str = "bmw_i3_60ah") -> dict[s
     response = service.client.post("/v1/cars", json={"name": name, "car": vehicle})
     assert response.status_code == 200, response.text
     found: dict[str, Any] = response.json()
+    assert response.headers["location"] == f"/v1/cars/{found['car']}"
     return found
 
 

@@ -41,7 +41,7 @@ CORS_METHODS: Final = ("GET", "POST", "PUT", "DELETE")
 CORS_HEADERS: Final = ("Authorization", "Content-Type", "If-None-Match", "X-Request-ID")
 """Methods and headers that a page of another origin may use in requests, beside those that a browser always allows."""
 
-CORS_EXPOSED: Final = ("ETag", "Retry-After", "X-Request-ID")
+CORS_EXPOSED: Final = ("ETag", "Location", "Retry-After", "X-Request-ID")
 """Headers of a response that such a page may read, beside those that a browser always shows."""
 
 Log = Callable[..., None]

@@ -87,7 +87,11 @@ async def list_cars(call: Called) -> Response:
 @cars.post("/v1/cars", response_model=schemas.CarResponse, **request_body(schemas.NewCarRequest))
 async def new_car(call: Called) -> Response:
     """Make a car."""
-    return _with_learning(await call.body_job("new_car"), None)
+    response = _with_learning(await call.body_job("new_car"), None)
+    if response.status_code == 200:
+        name = orjson.loads(response.body)["car"]
+        response.headers["Location"] = f"{call.service.settings.prefix}/v1/cars/{name}"
+    return response
 
 
 @cars.get("/v1/cars/{car}", response_model=schemas.CarResponse)
