@@ -284,6 +284,7 @@ def test_an_energy_that_the_car_cannot_take_is_held_back_unless_asked_for(
         ({"name": "number", "car": 3}, "not an object"),
         ({"name": "other", "car": "vw_id33"}, "unknown car"),
         ({"name": "bmw_i3_tum", "car": "vw_id3"}, "name is taken"),
+        ({"name": "\U0001f4a5\u202eabc\0x", "car": "vw_id3"}, "control characters"),
     ],
 )
 def test_what_cannot_be_a_car_is_refused(service: Service, body: dict[str, Any], what: str) -> None:

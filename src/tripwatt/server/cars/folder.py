@@ -14,7 +14,7 @@ from itertools import chain
 from pathlib import Path
 from typing import Any, Final
 
-from tripwatt.errors import Fault, InvalidInput, system_errors
+from tripwatt.errors import Fault, InvalidInput, excerpt, system_errors
 from tripwatt.files import WRITING, folder_lock
 from tripwatt.forecasting.storage import vehicle_values
 from tripwatt.population.cars import for_car
@@ -65,7 +65,7 @@ def create_car(
     Raises
     ------
     InvalidInput
-        When there is no such vehicle or base, or the folder is in use.
+        When there is no such vehicle or base, the folder is in use, or the label has control characters.
 
     Examples
     --------
@@ -73,7 +73,9 @@ def create_car(
     >>> car = tw.create_car("my-leaf", "nissan_leaf_24")  # doctest: +SKIP
     """
     wanted = Path(folder)
-    path = _car_folder(wanted)
+    path, label = _car_folder(wanted), label or wanted.name
+    if not label.isprintable():  # it is shown on terminals, and could turn the text around it
+        raise InvalidInput.of("control characters", "name", excerpt(label), "printable characters")
     car = vehicle if isinstance(vehicle, Vehicle) else load_vehicle(vehicle)
     entries = {entry.name for entry in path.iterdir()} if path.is_dir() else set[str]()
     foreign = {name for name in entries if name not in (FILE, older.LIVE) and not name.startswith(f"{FILE}-")}
@@ -86,7 +88,7 @@ def create_car(
     with system_errors("cannot write the folder", f"{path}", "a writable folder"):
         path.mkdir(mode=0o700, parents=True, exist_ok=True)
         settings = {"vehicle": vehicle_values(car), "base": None if root is None else f"{root}"}
-        settings |= {"label": label or wanted.name, "state": secrets.token_hex(8)}
+        settings |= {"label": label, "state": secrets.token_hex(8)}
         if not CarFile(path).prepare(partial(older.read_into, path), settings):
             raise InvalidInput(in_use)
         new_car = Car(path)
