@@ -25,7 +25,7 @@ PARTS: Final = ("roads", "server", "fleet", "study", "gamm")
 BUDGETS: Final[Mapping[str, int]] = {
     "core": 20_430,
     "roads": 4_447,
-    "server": 5_952,
+    "server": 5_984,
     "fleet": 2_899,
     "study": 4_652,
     "gamm": 3_854,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import datetime as dt
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, Final
 
@@ -115,7 +115,7 @@ class LivePlan:
                 route = route_from_links(fields["links"])
                 if "elevation" in fields:
                     route = route_with_elevation(route, **fields["elevation"])
-                plan = route.plan()
+                plan = replace(route, measured=self.usual_trip is not None).plan()
         names = ASKED.keys() & fields.keys() - {"departs_at"}
         return plan.with_departure(Departure(**{name: fields[name] for name in names}))
 

@@ -14,27 +14,14 @@ from starlette.responses import StreamingResponse
 
 from tripwatt.forecasting.document import ForecastResponse
 from tripwatt.server.http import journey_schemas as journey
-from tripwatt.server.http import schemas
+from tripwatt.server.http import openapi, schemas
 from tripwatt.server.http.batching import forecast_lines, parse_lines
 from tripwatt.server.http.example_requests import UPLOADS
 from tripwatt.server.http.jobs import Jobs
-from tripwatt.server.http.openapi import (
-    BINARY,
-    INTERNAL,
-    NDJSON,
-    TAGGED,
-    TEXT,
-    TILE,
-    Fields,
-    new_router,
-    request_body,
-    request_content,
-    response_content,
-)
 from tripwatt.server.http.problems import TITLES, Problem
 from tripwatt.server.http.service import Called, json_response
 
-BATCH_TYPES: Final = (NDJSON, "application/jsonl", "application/ndjson")
+BATCH_TYPES: Final = (openapi.NDJSON, "application/jsonl", "application/ndjson")
 """Media types of the body of a batch."""
 
 MAX_ZOOM: Final = 22
@@ -63,19 +50,19 @@ NeedQuery = Annotated[journey.NeedQuery, Query()]
 RangeQuery = Annotated[journey.RangeQuery, Query()]
 """Parameters of operations."""
 
-forecasts, routes = new_router("forecast"), new_router("routes")
-journeys, library = new_router("journeys"), new_router("library")
-monitoring = new_router("operation", refuses_unknown=False)
+forecasts, routes = openapi.new_router("forecast"), openapi.new_router("routes")
+journeys, library = openapi.new_router("journeys"), openapi.new_router("library")
+monitoring = openapi.new_router("operation", refuses_unknown=False)
 """Routers by tag; operations for monitoring ignore unknown parameters."""
 
 
 def _add_job(router: APIRouter, path: str, kind: str, answer: type[Any]) -> None:
     """Add the operation of a job that needs only a body; request and description are those of the job."""
     job = getattr(Jobs, kind)
-    takes = request_body(get_type_hints(job)["request"])
+    takes = openapi.request_body(get_type_hints(job)["request"])
 
     @router.post(path, name=kind, description=inspect.getdoc(job), response_model=answer, **takes)
-    async def respond(call: Called, fields: Fields = None) -> Response:
+    async def respond(call: Called, fields: openapi.Fields = None) -> Response:
         return await call.body_job(kind, fields=fields)
 
 
@@ -87,12 +74,13 @@ _add_job(forecasts, "/v1/advice", "advice", journey.AdviceResponse)
 
 @forecasts.post(
     "/v1/forecast/batch",
-    **response_content(
-        {NDJSON: TEXT}, "One ForecastResponse or ProblemDocument per line, in the order of the requests"
+    **openapi.response_content(
+        {openapi.NDJSON: openapi.TEXT},
+        "One ForecastResponse or ProblemDocument per line, in the order of the requests",
     ),
-    **request_content({NDJSON: {"schema": {"description": "one ForecastRequest per line"}}}),
+    **openapi.request_content({openapi.NDJSON: {"schema": {"description": "one ForecastRequest per line"}}}),
 )
-async def batch(call: Called, fields: Fields = None) -> Response:
+async def batch(call: Called, fields: openapi.Fields = None) -> Response:
     """Forecast many trips: one request per line in, one forecast or problem per line out, in the same order."""
     service, limits = call.service, call.service.settings.limits
     lines = parse_lines(await service.read_body(call.request, BATCH_TYPES, limits.batch_bytes), limits.batch)
@@ -104,10 +92,10 @@ async def batch(call: Called, fields: Fields = None) -> Response:
             async for answer in forecast_lines(lines, service.pool, service.metrics, fields):
                 yield answer
 
-    return StreamingResponse(answers(), media_type=NDJSON)
+    return StreamingResponse(answers(), media_type=openapi.NDJSON)
 
 
-@routes.post("/v1/routes", response_model=schemas.RouteResponse, **request_content(UPLOADS))
+@routes.post("/v1/routes", response_model=schemas.RouteResponse, **openapi.request_content(UPLOADS))
 async def route(call: Called, speed_m_s: MeanSpeed = None) -> Response:
     """Read a route or a trip: GPX, KML, GeoJSON, the response of a router, links, or samples as CSV."""
     return await call.job("route", await call.read(tuple(UPLOADS)), speed_m_s=speed_m_s)
@@ -140,13 +128,13 @@ async def get_places(call: Called, q: NameStart, limit: MaxPlaces = 10) -> Respo
     return await call.job("journeys.places", text=q, limit=limit)
 
 
-@library.get("/v1/map", response_model=journey.MapResponse, **TAGGED)
+@library.get("/v1/map", response_model=journey.MapResponse, **openapi.TAGGED)
 async def get_map(call: Called) -> Response:
     """Return the roads, places and weather of the service."""
     return await call.constant_document("journeys.describe")
 
 
-@journeys.get("/v1/map/view", response_model=journey.ViewResponse, **INTERNAL)
+@journeys.get("/v1/map/view", response_model=journey.ViewResponse, **openapi.INTERNAL)
 async def get_view(
     call: Called, south: Latitude, west: Longitude, north: Latitude, east: Longitude, limit: MaxShown = 200
 ) -> Response:
@@ -156,17 +144,17 @@ async def get_view(
 
 @journeys.get(
     "/v1/tiles/{zoom}/{column}/{row}",
-    **response_content({TILE: BINARY}, "The tile; empty without roads"),
-    **INTERNAL,
+    **openapi.response_content({openapi.TILE: openapi.BINARY}, "The tile; empty without roads"),
+    **openapi.INTERNAL,
 )
 async def get_tile(call: Called, zoom: Zoom, column: TileNumber, row: TileNumber) -> Response:
     """Return the roads of a part of the map as a vector tile."""
-    response = await call.job("journeys.tile", media_type=TILE, zoom=zoom, column=column, row=row)
+    response = await call.job("journeys.tile", media_type=openapi.TILE, zoom=zoom, column=column, row=row)
     response.headers["Cache-Control"] = "private, max-age=3600"
     return response
 
 
-@library.get("/v1/models", response_model=schemas.ModelsResponse, **TAGGED)
+@library.get("/v1/models", response_model=schemas.ModelsResponse, **openapi.TAGGED)
 async def get_models(call: Called) -> Response:
     """List the models with their inputs, provenance and scores."""
     return await call.about_models("summaries")
@@ -175,19 +163,19 @@ async def get_models(call: Called) -> Response:
 _add_job(library, "/v1/vehicles", "describe", schemas.DescribedVehicle)
 
 
-@library.get("/v1/vehicles", response_model=schemas.VehiclesResponse, **TAGGED)
+@library.get("/v1/vehicles", response_model=schemas.VehiclesResponse, **openapi.TAGGED)
 async def get_vehicles(call: Called, search: CarWords = None) -> Response:
     """List the cars of the library, or those that words find, and the models fitted on each."""
     return await (call.about_models("vehicles") if search is None else call.job("vehicles", search=search))
 
 
-@library.get("/v1/examples", response_model=schemas.ExamplesResponse, **INTERNAL)
+@library.get("/v1/examples", response_model=schemas.ExamplesResponse, **openapi.INTERNAL)
 async def get_examples(call: Called) -> Response:
     """List recorded trips as examples."""
     return await call.constant_document("examples")
 
 
-@library.get("/v1/examples/{trip}", response_model=schemas.ExampleResponse, **INTERNAL)
+@library.get("/v1/examples/{trip}", response_model=schemas.ExampleResponse, **openapi.INTERNAL)
 async def get_example(call: Called, trip: str) -> Response:
     """Return one recorded trip: a request for a forecast, and the samples measured on it."""
     return await call.constant_document("example", trip=trip)
@@ -222,7 +210,8 @@ async def get_openapi(call: Called) -> Response:
 
 
 @monitoring.get(
-    "/metrics", **response_content({"text/plain": TEXT}, "Metrics in the text format of Prometheus")
+    "/metrics",
+    **openapi.response_content({"text/plain": openapi.TEXT}, "Metrics in the text format of Prometheus"),
 )
 async def get_metrics(call: Called) -> Response:
     """Return metrics for Prometheus."""

@@ -24,6 +24,7 @@ from tripwatt.roads.advice.preheating import need_before_departure
 from tripwatt.roads.journey import Atlas, range_km
 from tripwatt.server.cars.documents import require_plausible
 from tripwatt.server.http import journey_schemas as journey
+from tripwatt.server.http import schemas
 from tripwatt.server.http.car_jobs import CarJobs
 from tripwatt.server.http.car_schemas import LivePlanRequest, NewCarRequest
 from tripwatt.server.http.fleets import (
@@ -35,19 +36,6 @@ from tripwatt.server.http.fleets import (
 from tripwatt.server.http.journeys import JourneyJobs
 from tripwatt.server.http.library import describe_vehicle, example, example_summaries, vehicles
 from tripwatt.server.http.route_uploads import read_route, road_fields
-from tripwatt.server.http.schemas import (
-    AdviceRequest,
-    CarRequest,
-    DifferenceRequest,
-    ForecastRequest,
-    UpdateRequest,
-    VehicleFigures,
-    check_request,
-    departure_of,
-    parse_json,
-    placed,
-    within,
-)
 from tripwatt.server.http.settings import Limits
 from tripwatt.sources.sample import sample_trips
 from tripwatt.trips import Departure, Flag, Plan
@@ -166,21 +154,21 @@ class Jobs:
         types = PARAMETER_TYPES(work)
         asked = types.get("request", LivePlanRequest if kind == "road" else None)
         fields, in_query = {*getattr(asked, "model_fields", ())}, asked in QUERIES
-        with each_fault(partial(placed, fields=fields, in_query=in_query)):
+        with each_fault(partial(schemas.placed, fields=fields, in_query=in_query)):
             if "request" in types:
-                document = parse_json(body)
+                document = schemas.parse_json(body)
                 fields.update(document if isinstance(document, Mapping) else ())
-                request = check_request(document, types["request"], self)
+                request = schemas.check_request(document, types["request"], self)
                 arguments["request"] = _with_charge(request, parameters.get("last_message") or {})
             return work(**{name: arguments[name] for name in types if name in arguments})
 
-    def forecast(self, request: ForecastRequest) -> dict[str, Any]:
+    def forecast(self, request: schemas.ForecastRequest) -> dict[str, Any]:
         """Forecast a trip from a speed trace or from the links of a planned route."""
         forecast, probability = self._make_forecast(request), request.probability
         leave_document = None if probability is None else leave_with(forecast, request.reserve, probability)
         return require_finite(forecast.to_dict(request.reserve, leave_document))
 
-    def update(self, request: UpdateRequest) -> dict[str, Any]:
+    def update(self, request: schemas.UpdateRequest) -> dict[str, Any]:
         """Update the forecast of a trip with the samples measured so far."""
         return self.forecast(request)
 
@@ -195,36 +183,36 @@ class Jobs:
 
     def road(self, body: bytes) -> dict[str, Any]:
         """Return the fields of a `LivePlanRequest` as `with_road`; the road of `stops` is the fastest one between them."""
-        given = parse_json(body)
+        given = schemas.parse_json(body)
         if given.get("stops") is not None:
             fields = {name: given[name] for name in journey.PlanRequest.model_fields if name in given}
             fields |= {"answers": False, "charge": False}
-            route = self.plan(check_request(fields, journey.PlanRequest, self))
+            route = self.plan(schemas.check_request(fields, journey.PlanRequest, self))
             given = {"destination": route["stops"][-1]["name"], **given, "stops": None, "route": route}
         return self.with_road(given)
 
     night = night
 
-    def difference(self, request: DifferenceRequest) -> dict[str, Any]:
+    def difference(self, request: schemas.DifferenceRequest) -> dict[str, Any]:
         """Compare two trips of one car: what both share cancels, and the difference has an interval of its own."""
-        with each_fault(partial(within, ["one"])):
+        with each_fault(partial(schemas.within, ["one"])):
             one = self._make_forecast(request.one)
-        with each_fault(partial(within, ["other"])):
+        with each_fault(partial(schemas.within, ["other"])):
             return one.difference(self._make_forecast(request.other)).to_dict()
 
     def journey_difference(self, request: journey.JourneyDifferenceRequest) -> dict[str, Any]:
         """Compare two journeys of one car with the time and energy of their stops to charge, as `POST /v1/forecast/difference` does trips."""
         return self.journeys.difference(request, self.model_of(request.one), self.model_of(request.other))
 
-    def advice(self, request: AdviceRequest) -> dict[str, Any]:
+    def advice(self, request: schemas.AdviceRequest) -> dict[str, Any]:
         """Return what to do about a trip: the least that helps, and what each action saves."""
         forecast, now = self._make_forecast(request), dt.datetime.now(dt.UTC)
         return advise(forecast, reserve=request.reserve, probability=request.probability, now=now).to_dict()
 
-    def need(self, request: ForecastRequest, options: Known, last_message: Known) -> dict[str, Any]:
+    def need(self, request: schemas.ForecastRequest, options: Known, last_message: Known) -> dict[str, Any]:
         """Return what the next trip of a car on the road needs, as `NeedResponse`; `request` is its plan."""
-        plan = request.plan(self.limits)
-        departure = plan.departure.merge(departure_of(request))
+        plan = request.plan(self.limits, measured=options["usual_trip"] is not None)
+        departure = plan.departure.merge(schemas.departure_of(request))
         about = {"car": last_message["car"], "usual_trip": options["usual_trip"]}
         asked = {"model": self.model_of(request), "reserve": request.reserve, **options["asked"]}
         return _needed(plan, "trip", departure, last_message, about, **asked)
@@ -255,21 +243,21 @@ class Jobs:
         own = car if self.cars.model(car or "") else last_message.get("car")
         about = {"usual_trip": trip} | ({} if own is None else {"car": own})
         asked["model"] = self.model_of(request)
-        return _needed(ahead, request.kind, departure_of(request), last_message, about, **asked)
+        return _needed(ahead, request.kind, schemas.departure_of(request), last_message, about, **asked)
 
     def range(self, request: journey.RangeQuery, last_message: Known = NOTHING) -> dict[str, Any]:
         """Return the response to a `RangeQuery`."""
         model = self.model_of(request)
-        departure, flags = _with_last_message(departure_of(request), last_message, model.vehicle)
+        departure, flags = _with_last_message(schemas.departure_of(request), last_message, model.vehicle)
         range_ = range_km(None, request.kind, departure, reserve=request.reserve, model=model)
         return replace(range_, flags=(*flags, *range_.flags)).to_dict()
 
-    def _make_forecast(self, request: ForecastRequest) -> Forecast:
+    def _make_forecast(self, request: schemas.ForecastRequest) -> Forecast:
         """Return the forecast of a request, updated with the observed samples of an `UpdateRequest`."""
         plan = request.plan(self.limits)
-        departure = plan.departure.merge(departure_of(request))
+        departure = plan.departure.merge(schemas.departure_of(request))
         forecast = self.model_of(request).forecast(replace(plan, trip_id=request.trip), departure)
-        return forecast.update(request.observed) if isinstance(request, UpdateRequest) else forecast
+        return forecast.update(request.observed) if isinstance(request, schemas.UpdateRequest) else forecast
 
     def require_known(self, field: str, name: str) -> None:
         """Check that the `model` or the `car` of a request exists; a path of a file is no name of a car.
@@ -294,10 +282,10 @@ class Jobs:
 
     def model_named(self, document: Mapping[str, Any]) -> ForecastModel:
         """Return the model for the car that a document names, as `model_of` for the fields of a `CarRequest`."""
-        fields = {name: document[name] for name in CarRequest.model_fields if name in document}
-        return self.model_of(check_request(fields, CarRequest, self))
+        fields = {name: document[name] for name in schemas.CarRequest.model_fields if name in document}
+        return self.model_of(schemas.check_request(fields, schemas.CarRequest, self))
 
-    def model_of(self, request: CarRequest) -> ForecastModel:
+    def model_of(self, request: schemas.CarRequest) -> ForecastModel:
         """Return the model of the car that a request names: its own, that of its fleet, or another one transferred to it.
 
         Raises
@@ -326,7 +314,7 @@ class Jobs:
             self.transferred[key] = made
         return made
 
-    def describe(self, request: VehicleFigures) -> dict[str, Any]:
+    def describe(self, request: schemas.VehicleFigures) -> dict[str, Any]:
         """Describe a car that the library does not have, by a few figures."""
         return describe_vehicle(describe_car(**request.model_dump()))
 
@@ -356,7 +344,7 @@ class Jobs:
         return {"vehicles": rows}
 
 
-def described(car: VehicleFigures | str) -> Vehicle | str:
+def described(car: schemas.VehicleFigures | str) -> Vehicle | str:
     """Return the vehicle that the figures of a request describe; the name of a car stays as it is."""
     return car if isinstance(car, str) else describe_car(**car.model_dump())
 

@@ -435,8 +435,8 @@ class RoadRequest(StrictModel):
                 raise InvalidInput.of("no single trip", "route", got, "one of them")
             return info.context.with_road(given)
 
-    def plan(self, limits: Limits) -> Plan:
-        """Return the plan of the road of a checked request.
+    def plan(self, limits: Limits, *, measured: bool = False) -> Plan:
+        """Return the plan of the road of a checked request; `measured` as of a `LinkRoute`.
 
         Raises
         ------
@@ -452,7 +452,7 @@ class RoadRequest(StrictModel):
             raise InvalidInput.of("no single trip", "samples, links", got, "samples, links or a route")
         if self.elevation is not None:
             links = with_elevation(links, self.elevation, limits)
-        return links.plan()
+        return replace(links, measured=measured).plan()
 
 
 class ForecastRequest(RoadRequest, TripRequest, CarRequest):
