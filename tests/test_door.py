@@ -317,6 +317,8 @@ WRONG_TABLES = {
     "links without names": (pd.DataFrame([[1.0], [2.0]]), ["unknown column", "missing column", "missing column"]),
     "a unit of samples": (pd.DataFrame({"time_s": [0.0, 1.0, 2.0], "speed_km_h": 5.0}), ["unknown column or unit", "missing column"]),
     "a text of samples": (pd.DataFrame({"time_s": [0.0, 1.0, 2.0], "speed_m_s": "fast"}), ["not a number"]),
+    "samples without times": (pd.DataFrame({"speed_m_s": [5.0] * 3, "voltage_v": 350.0, "current_a": 9.0}), ["missing column"]),
+    "links with a value of a log": (pd.DataFrame(LINKS).assign(soc=0.8), ["unknown column"]),
     "a column twice": (pd.DataFrame([[0.0, 1.0, 1.0]] * 3, columns=["time_s", "speed_m_s", "speed_m_s"]), ["duplicate column"]),
 }  # fmt: skip
 

@@ -24,7 +24,7 @@ from tripwatt.physics.batch import trip_totals
 from tripwatt.routes.links import LinkRoute
 from tripwatt.sources import read_logs
 from tripwatt.sources.canonical import Frames, canonical_samples, read_canonical
-from tripwatt.trips import Departure, Plan, Trip, TripSet
+from tripwatt.trips import COLUMNS, LINK_COLUMNS, Departure, Plan, Trip, TripSet
 from tripwatt.trips.departure import FIELDS
 from tripwatt.units import with_units
 from tripwatt.vehicles import ALIASES, Vehicle, load_vehicle, vehicle_document, vehicle_from_document
@@ -47,7 +47,7 @@ def read_route(source: Route, *, speed_m_s: float | None = None, trip_id: str | 
     source : path, bytes, DataFrame or sequence of mapping
         A file or its content: links as CSV or JSON, GPX, GeoJSON, a saved response of OSRM, Valhalla,
         openrouteservice or GraphHopper; a driven speed trace as CSV or Parquet with canonical columns. The first sample
-        of the other signals of a speed trace becomes the departure. Or links themselves, as `route_from_links` takes them. A DataFrame with a column `time_s` is a speed trace, any other DataFrame has links.
+        of the other signals of a speed trace becomes the departure. Or links themselves, as `route_from_links` takes them. A DataFrame with `time_s` or other columns of a log is a speed trace, unless it has `length_m` and no `time_s`.
     speed_m_s : float, optional
         Mean speed [m/s] of a track without times and speeds.
     trip_id : str, optional
@@ -91,9 +91,13 @@ def _read(source: Route) -> LinkRoute | routes.Track | pd.DataFrame:
         return routes.parse_route(source)
     if isinstance(source, str | Path):
         return read_canonical(source)
-    if isinstance(source, pd.DataFrame) and "time_s" in source:
+    if isinstance(source, pd.DataFrame) and ("time_s" in source or not _is_of_links(source)):
         return canonical_samples(source)
     return routes.route_from_links(source)
+
+
+def _is_of_links(table: pd.DataFrame) -> bool:
+    return "length_m" in table or (COLUMNS.keys() - LINK_COLUMNS.keys()).isdisjoint(table)
 
 
 def read_trips(
