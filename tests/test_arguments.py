@@ -188,6 +188,86 @@ def test_what_a_departure_takes() -> None:
     refuses("did you mean 'winter'", tw.Departure, season="wintr")
 
 
+MODEL, TRIPS = tw.load_model(), tw.sample_trips().trips
+PLAN = tw.read_route(LINKS)
+
+TYPES: Final[dict[str, tuple[Callable[[Any], Any], str]]] = {
+    "read_route": (tw.read_route, ""),
+    "forecast": (tw.forecast, ""),
+    "forecast, departure": (lambda given: tw.forecast(PLAN, given), "none"),
+    "forecast, car": (lambda given: tw.forecast(PLAN, car=given), "none"),
+    "forecast, model": (lambda given: tw.forecast(PLAN, model=given), "none"),
+    "ForecastModel.forecast": (MODEL.forecast, ""),
+    "simulate": (lambda given: tw.simulate(given, "vw_id3"), ""),
+    "simulate, car": (lambda given: tw.simulate(PLAN, given), ""),
+    "sweep": (lambda given: tw.sweep(given, "vw_id3"), ""),
+    "sweep, car": (lambda given: tw.sweep(PLAN, given), ""),
+    "sweep, values": (lambda given: tw.sweep(PLAN, "vw_id3", given), "object"),
+    "sweep, model": (lambda given: tw.sweep(PLAN, "vw_id3", model=given), "none"),
+    "fit": (lambda given: tw.fit(given, "bmw_i3_60ah"), ""),
+    "fit, car": (lambda given: tw.fit(TRIPS, given), ""),
+    "fit, corrector": (lambda given: tw.fit(TRIPS, "bmw_i3_60ah", corrector=given), ""),
+    "fit, seed": (lambda given: tw.fit(TRIPS, "bmw_i3_60ah", corrector="linear", seed=given), "number"),
+    "fit, covariates": (lambda given: tw.fit(TRIPS[:1], "bmw_i3_60ah", covariates=given), ""),
+    "adapt": (lambda given: tw.adapt(given, TRIPS[:1], "nissan_leaf_24"), ""),
+    "adapt, trips": (lambda given: tw.adapt(MODEL, given, "nissan_leaf_24"), ""),
+    "adapt, car": (lambda given: tw.adapt(MODEL, TRIPS[:1], given), ""),
+    "for_car": (tw.for_car, "none"),
+    "for_car, car": (lambda given: tw.for_car(None, given), "none"),
+    "load_model": (tw.load_model, "none"),
+    "save_model": (lambda given: tw.save_model(given, "never-written"), ""),
+    "save_model, folder": (lambda given: tw.save_model(MODEL, given), "text"),
+    "load_vehicle": (tw.load_vehicle, ""),
+    "audit": (tw.audit, "generator list object"),
+    "read_logs": (tw.read_logs, ""),
+    "read_trips": (tw.read_trips, ""),
+    "evaluate": (tw.evaluate, ""),
+    "evaluate, car": (lambda given: tw.evaluate(TRIPS, given), ""),
+    "advise": (tw.advise, ""),
+    "leaving_with": (lambda given: tw.leaving_with(given, 0.5), ""),
+    "soc_needed": (tw.soc_needed, ""),
+    "need": (tw.need, "number fraction"),
+    "need, departure": (lambda given: tw.need(10, departure=given), "none"),
+    "range_km, kind": (lambda given: tw.range_km(0.8, given), ""),
+    "range_km, departure": (lambda given: tw.range_km(0.8, departure=given), "none"),
+    "range_km, model": (lambda given: tw.range_km(0.8, model=given), "none"),
+    "create_car": (lambda given: tw.create_car(given, "vw_id3"), "text"),
+    "create_car, car": (lambda given: tw.create_car("never-made", given), ""),
+    "open_car": (tw.open_car, ""),
+    "create_store": (tw.create_store, "text"),
+    "open_store": (tw.open_store, ""),
+}
+"""Arguments of the door that are objects or names, and the kinds of wrong values that they take."""
+
+WRONG: Final[dict[str, Callable[[], Any]]] = {
+    "none": lambda: None,
+    "number": lambda: 5,
+    "fraction": lambda: 0.5,
+    "text": lambda: "no such name",
+    "list": list,
+    "list of numbers": lambda: [1],
+    "object": dict,
+    "generator": lambda: iter(()),
+    "strange": object,
+    "series": lambda: pd.Series([1.0]),
+}
+
+
+@pytest.mark.parametrize(
+    ("name", "kind"), [(name, kind) for name in TYPES for kind in WRONG if kind not in TYPES[name][1].split()]
+)
+def test_an_argument_of_another_type_is_refused(name: str, kind: str) -> None:
+    with pytest.raises(tw.InvalidInput) as refused:
+        TYPES[name][0](WRONG[kind]())
+    assert all(fault.what and fault.where and fault.allowed for fault in refused.value.faults)
+
+
+def test_trips_of_a_generator_are_a_list_of_them() -> None:
+    fitted = tw.fit((trip for trip in TRIPS[:9]), "bmw_i3_60ah", corrector="linear", identified=False)
+    assert fitted.trip_ids_ == tuple(trip.trip_id for trip in TRIPS[:9])
+    refuses(r"trips: got Trip; .*\[trip\]", tw.fit, TRIPS[0], "bmw_i3_60ah")
+
+
 DRIVEN = pd.DataFrame(
     {"time_s": [0.0, 60.0, 120.0], "voltage_v": 350.0, "current_a": 30.0, "speed_m_s": 15.0}
 )

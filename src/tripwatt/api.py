@@ -15,16 +15,16 @@ import numpy.typing as npt
 import pandas as pd
 
 from tripwatt import population, routes
-from tripwatt.errors import Check, Fault, InvalidInput, raise_faults
+from tripwatt.errors import Check, Fault, InvalidInput, raise_faults, require_type
 from tripwatt.forecasting.forecast import BAND, Forecast
-from tripwatt.forecasting.model import DEFAULT_CORRECTOR, ForecastModel, require_departure
+from tripwatt.forecasting.model import DEFAULT_CORRECTOR, ForecastModel
 from tripwatt.hybrid import Corrector
 from tripwatt.physics import Simulation, simulate_trip
 from tripwatt.physics.batch import trip_totals
 from tripwatt.routes.links import LinkRoute
 from tripwatt.sources import read_logs
 from tripwatt.sources.canonical import Frames, canonical_samples, read_canonical
-from tripwatt.trips import COLUMNS, LINK_COLUMNS, Departure, Plan, Trip, TripSet
+from tripwatt.trips import COLUMNS, LINK_COLUMNS, Departure, Plan, Trip, TripSet, require_departure
 from tripwatt.trips.departure import FIELDS
 from tripwatt.units import with_units
 from tripwatt.vehicles import ALIASES, Vehicle, load_vehicle, vehicle_document, vehicle_from_document
@@ -236,8 +236,7 @@ def fit(
     from tripwatt.forecasting.fitting import fit_car  # a forecast does not need it
 
     car, sound = _car(car), _sound(trips)
-    if isinstance(covariates, str):
-        raise InvalidInput.of("unknown type", "covariates", f"the text {covariates!r}", "a list of names")
+    require_type("covariates", covariates, list | tuple | pd.Index, "a list of names")
     model, _ = fit_car(
         sound, car, corrector, seed, identified=identified, covariates=covariates, progress=progress
     )
@@ -357,7 +356,8 @@ def sweep(
     >>> len(table), table.attrs["units"]["mass"], bool(table["energy_wh"][3] > table["energy_wh"][1])
     (4, 'kg', True)
     """
-    cars = [_car(each) for each in ([car] if isinstance(car, Vehicle | str) else car)]
+    cars = [_car(each) for each in (car if isinstance(car, Iterable) and not isinstance(car, str) else [car])]
+    require_type("values", values, Mapping, "an object of values by name")
     tried = [np.ravel(np.array(given, dtype=object)).tolist() for given in values.values()]
     names, rows, document = list(values), list(itertools.product(*tried)), cache(vehicle_document)
 
@@ -392,7 +392,8 @@ def sweep(
 def _drives(trip: Any) -> Iterable[Plan | Trip | Route]:
     """One drive, or several: a list of links is one, a list of plans is not."""
     of_links = isinstance(trip, Sequence) and any(isinstance(link, Mapping) for link in trip)
-    return [trip] if of_links or isinstance(trip, Plan | Trip | Path | str | bytes | pd.DataFrame) else trip
+    is_one = of_links or isinstance(trip, str | bytes | pd.DataFrame) or not isinstance(trip, Iterable)
+    return [trip] if is_one else trip
 
 
 def _forecasts(model: ForecastModel, pairs: Iterable[tuple[Vehicle, Plan]]) -> Iterator[dict[str, Any]]:
@@ -421,14 +422,16 @@ def _plan(trip: Plan | Trip | Route, departure: Departure | None) -> Plan:
 
 
 def _car(car: Vehicle | str) -> Vehicle:
-    if not isinstance(car, Vehicle | str | Path):
-        raise InvalidInput.of("no car", "car", type(car).__name__, "a Vehicle, or the name of one")
     return car if isinstance(car, Vehicle) else load_vehicle(car)
 
 
 def _sound(trips: Trips) -> Sequence[Trip]:
-    if not isinstance(trips, TripSet | pd.DataFrame | Mapping) and all(isinstance(t, Trip) for t in trips):
-        return cast(Sequence[Trip], trips)
+    if not isinstance(trips, TripSet | pd.DataFrame | Mapping | str):
+        fix = "give one trip as a list: [trip]"
+        given = require_type("trips", trips, Iterable, "a TripSet, trips, or tables", fix)
+        trips = cast(Sequence[Trip], tuple(given))
+        if all(isinstance(trip, Trip) for trip in trips):
+            return trips
     from tripwatt.auditing import audit  # a forecast does not need it
 
     return audit(trips if isinstance(trips, TripSet) else read_logs(cast(Frames, trips))).trips

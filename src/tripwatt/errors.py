@@ -14,6 +14,7 @@ from contextlib import AbstractContextManager, contextmanager
 from dataclasses import asdict, dataclass, field, replace
 from importlib.util import find_spec
 from pathlib import Path
+from types import UnionType
 from typing import Any, Final, ParamSpec, Self, TypeVar, cast
 
 Given = ParamSpec("Given")
@@ -250,6 +251,27 @@ def and_more(bad: Sized, what: str = "row") -> str:
     (' (and 2 more rows)', '')
     """
     return f" (and {counted(len(bad) - 1, f'more {what}')})" if len(bad) > 1 else ""
+
+
+def require_type(name: str, value: Checked, types: type | UnionType, allowed: str, fix: str = "") -> Checked:
+    """Check that an argument has one of some types, and return it.
+
+    Raises
+    ------
+    InvalidInput
+        If it has another type; of a type of Python, the message shows the value.
+
+    Examples
+    --------
+    >>> require_type("folder", 5, str | Path, "a path")
+    Traceback (most recent call last):
+        ...
+    tripwatt.errors.InvalidInput: unknown type: folder: got 5; allowed: a path
+    """
+    if isinstance(value, types):
+        return value
+    got = excerpt(value, 40) if type(value).__module__ == "builtins" else type(value).__name__
+    raise InvalidInput.of("unknown type", name, got, allowed, fix)
 
 
 def require_one(names: str, one: object, other: object) -> None:

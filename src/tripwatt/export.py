@@ -20,7 +20,7 @@ from tripwatt.errors import Fault, InvalidInput
 from tripwatt.physics import Simulation, simulate_trip
 from tripwatt.physics.battery import usable_energy_wh
 from tripwatt.routes import route_from_links
-from tripwatt.trips import Departure, Flag, Plan
+from tripwatt.trips import Departure, Flag, Plan, require_departure
 from tripwatt.trips.messages import message
 from tripwatt.units import GRAVITY_M_S2, M_S_PER_KM_H, SECONDS_PER_HOUR, WH_PER_J
 from tripwatt.vehicles import Vehicle
@@ -134,7 +134,7 @@ def consumption_curve(
     >>> bool(curve.energy_wh_km[-1] > curve.energy_wh_km[4]), bool(curve.descent_wh_m < curve.ascent_wh_m)
     (True, True)
     """
-    departure = departure or Departure()
+    departure = require_departure(departure)
     physics = _Driver(vehicle, departure)
     correction, slow = correction or physics.correction, physics.steady(LOWEST_KM_H * M_S_PER_KM_H)
     drive = _Driver(vehicle, departure, correction, correction(slow) * SECONDS_PER_HOUR / slow.duration_s)

@@ -23,7 +23,7 @@ import numpy as np
 import numpy.typing as npt
 
 from tripwatt.containers import INSIDE, Budget, open_archive
-from tripwatt.errors import Check, Fault, InvalidInput, excerpt, system_errors
+from tripwatt.errors import Check, Fault, InvalidInput, excerpt, require_type, system_errors
 from tripwatt.files import read_file, replace_folder, strict_json
 
 Arrays = Mapping[str, npt.NDArray[Any]]
@@ -87,7 +87,7 @@ def write_model(folder: Path | str, metadata: Mapping[str, Any], parts: Mapping[
     ...     read_model(Path(place) / "m").parts["a.npz"]["x"]
     array([1., 2.])
     """
-    out = Path(folder)
+    out = Path(require_type("folder", folder, str | Path, "a path"))
     require_place(out)
     content = {name: _encode(name, part) for name, part in sorted(parts.items())}
     listed = {n: {"sha256": hashlib.sha256(b).hexdigest(), "bytes": len(b)} for n, b in content.items()}

@@ -126,7 +126,7 @@ def test_unusable_samples_are_refused(model, trip):
     found = refusal(forecast.update, trip.samples[["time_s", "speed_m_s"]].assign(soc=3.0))
     assert found.startswith("value out of range: observed samples, ")
     found = refusal(forecast.update, [0.0])
-    assert found.startswith("unknown type: observed samples: got list; allowed: a DataFrame; for example")
+    assert found.startswith("unknown type: observed samples: got [0.0]; allowed: a DataFrame; for example")
     assert refusal(forecast.sample, 0) == "value out of range: n: got 0; allowed: 1 or more"
     on_the_way = forecast.update(
         trip.samples[trip.samples["time_s"] <= trip.samples["time_s"].iloc[0] + 90.0]
@@ -144,7 +144,7 @@ def test_unusable_samples_are_refused(model, trip):
     known = Departure(covariates={"traffic": 1.0})
     assert refusal(model.forecast, trip, known).startswith("unknown covariate: departure: got 'traffic'")
     assert refusal(model.forecast, "road").startswith(
-        "unknown type: trip: got str; allowed: a Plan or a Trip"
+        "unknown type: trip: got 'road'; allowed: a Plan or a Trip"
     )
     raw = ForecastModel(load_vehicle("bmw_i3_60ah"))
     fit = "got no training trips; call fit first"

@@ -15,7 +15,7 @@ import pandas as pd
 from tripwatt.arrays import by_key
 from tripwatt.auditing import consistency, signals, stamps
 from tripwatt.auditing.findings import Consequence, Cut, Finding, array, between, whole
-from tripwatt.errors import Fault, counted, raise_faults
+from tripwatt.errors import Fault, counted, raise_faults, require_type
 from tripwatt.trips import Recorded, Trip, TripSet, require_unique_ids, structure_faults, value_faults
 from tripwatt.trips.reading import Group, group_by_kind
 
@@ -140,7 +140,10 @@ def audit(logs: TripSet | Iterable[Recorded]) -> Audit:
     >>> float(result.trips[0].duration_s)
     400.0
     """
-    recorded = tuple(logs.logs if isinstance(logs, TripSet) else logs)
+    given = (
+        logs.logs if isinstance(logs, TripSet) else require_type("logs", logs, Iterable, "a TripSet, or logs")
+    )
+    recorded = tuple(require_type("logs", log, Recorded, "a TripSet, or logs") for log in given)
     require_unique_ids(recorded)
     raise_faults(
         Fault("not a raw log", log.trip_id, f"means over {log.step_s} s") for log in recorded if log.step_s

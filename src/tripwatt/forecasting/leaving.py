@@ -8,6 +8,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Final
 
+from tripwatt.errors import require_type
 from tripwatt.forecasting.document import LeaveWith
 from tripwatt.forecasting.forecast import NOT_MEASURED, Forecast, with_empty_flag
 from tripwatt.forecasting.measured import ChargeReading
@@ -55,6 +56,7 @@ def leaving_with(forecast: Forecast, soc: float) -> Forecast:
     True
     """
     departure = Departure(soc=soc)  # checks it
+    require_type("forecast", forecast, Forecast, "a Forecast")
     if forecast.model is None or forecast.measured is not NOT_MEASURED:
         charged = ChargeReading(forecast.along.read_s, soc, displayed=True, charged=True)
         return with_empty_flag(replace(forecast, measured=replace(forecast.measured, anchor=charged)))
@@ -96,6 +98,7 @@ def soc_needed(forecast: Forecast, reserve: float = 0.1, probability: float = 0.
     """
     reserve = require_fraction("reserve", reserve)
     probability = require_fraction("probability", probability, 0.5)
+    require_type("forecast", forecast, Forecast, "a Forecast")
     planned = forecast.plan.departure.soc if forecast.measured is NOT_MEASURED else None
 
     def spare(soc: float) -> float:

@@ -12,7 +12,7 @@ import pandas as pd
 
 from tripwatt.arrays import BoolArray, FloatArray, IntArray, distance_driven, running_sum
 from tripwatt.auditing.signals import blank_stuck_heater
-from tripwatt.errors import InvalidInput
+from tripwatt.errors import InvalidInput, require_type
 from tripwatt.forecasting.expected import ExpectedTrip
 from tripwatt.hybrid.climate_log import CLIMATE_COLUMNS, CLIMATE_IN_ALL, TOLD_BY, logged_climate
 from tripwatt.trips import (
@@ -166,9 +166,8 @@ def columns_measured(observed: pd.DataFrame) -> Columns:
     InvalidInput
         If `observed` is not a DataFrame, lacks a column or rows, or has values that are not numeric. Lists every value out of range.
     """
-    if not isinstance(observed, pd.DataFrame):
-        fix = "for example pandas.DataFrame({'time_s': [0.0, 60.0], 'soc': [0.8, 0.79]})"
-        raise InvalidInput.of("unknown type", WHERE, type(observed).__name__, "a DataFrame", fix)
+    fix = "for example pandas.DataFrame({'time_s': [0.0, 60.0], 'soc': [0.8, 0.79]})"
+    require_type(WHERE, observed, pd.DataFrame, "a DataFrame", fix)
     raise_faults(structure_faults(observed, WHERE, required=("time_s",)))
     known = [name for name in observed.columns if name in (*COLUMNS, "observed_energy_wh")]
     columns = dict(zip(known, observed[known].to_numpy(dtype=np.float64).T, strict=True))

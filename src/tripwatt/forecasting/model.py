@@ -15,7 +15,7 @@ from typing import Any, Final
 import numpy as np
 
 from tripwatt.arrays import FloatArray
-from tripwatt.errors import Fault, InvalidInput
+from tripwatt.errors import Fault, InvalidInput, require_type
 from tripwatt.forecasting.expected import ExpectedTrip
 from tripwatt.forecasting.forecast import Forecast, with_empty_flag, with_route_error
 from tripwatt.forecasting.inner import INNER_FOLDS, Again, CarsOf, inner_fits, resimulation
@@ -45,7 +45,7 @@ from tripwatt.hybrid.segments import driven_roads, driving_w
 from tripwatt.parallel import one_blas_thread
 from tripwatt.physics import simulate_trip
 from tripwatt.routes.terrain import net_climbs
-from tripwatt.trips import Departure, Flag, Plan, Recorded, Trip, raise_faults
+from tripwatt.trips import Departure, Flag, Plan, Recorded, Trip, raise_faults, require_departure
 from tripwatt.trips.messages import name_of
 from tripwatt.trips.showing import html_table, span
 from tripwatt.uncertainty import ChargeScale, LinkedTrips, RouteUncertainty, UncertaintyModel, linked_trips
@@ -378,9 +378,9 @@ class ForecastModel:
         True
         """
         require_departure(departure)
-        if not isinstance(trip, Plan | Recorded):
-            fix = "make a plan with tripwatt.read_route"
-            raise InvalidInput.of("unknown type", "trip", type(trip).__name__, "a Plan or a Trip", fix)
+        require_type(
+            "trip", trip, Plan | Recorded, "a Plan or a Trip", "make a plan with tripwatt.read_route"
+        )
         recorded = trip if isinstance(trip, Plan) else Plan.from_trip(trip)
         plan = recorded.with_departure(departure)
         corrector, uncertainty = self.fitted_parts("forecast")
@@ -472,13 +472,6 @@ class ForecastModel:
 
 def _mape(held_out: Sequence[HeldOut]) -> float:
     return float(np.mean([abs(trip.predicted_wh / trip.observed_wh - 1.0) for trip in held_out]))
-
-
-def require_departure(departure: object) -> None:
-    """Raise InvalidInput if an argument is neither a departure nor None."""
-    if departure is not None and not isinstance(departure, Departure):
-        got, fix = f"{departure!r}"[:40], "for example Departure(soc=0.8)"
-        raise InvalidInput.of("unknown type", "departure", got, "a Departure", fix)
 
 
 def _assumed(drive: ExpectedTrip) -> list[Flag]:

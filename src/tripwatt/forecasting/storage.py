@@ -18,7 +18,7 @@ import numpy as np
 import pandas as pd
 
 from tripwatt.arrays import FloatArray
-from tripwatt.errors import InvalidInput, damage, excerpt, raise_faults
+from tripwatt.errors import InvalidInput, damage, excerpt, raise_faults, require_type
 from tripwatt.forecasting.document import ForecastResponse
 from tripwatt.forecasting.model import ForecastModel
 from tripwatt.forecasting.plausible import impossible_faults
@@ -175,6 +175,7 @@ def save_model(
     """
     from importlib.metadata import version  # reads files of the installation
 
+    require_type("model", model, ForecastModel, "a ForecastModel")
     corrector, _ = model.fitted_parts("store")
     tree = {"segment_s": SEGMENT_S, **_converter().unstructure(model)}
     if fitted_outside(corrector) is not None:
@@ -315,10 +316,11 @@ def model_folder(folder: Path | str | None = None) -> Path:
     >>> model_folder().name
     'bmw_i3_tum'
     """
-    packaged = Path(__file__).parents[1] / "models" / DEFAULT_MODEL
-    if folder is None or (str(folder) == DEFAULT_MODEL and not Path(folder).exists()):
-        return packaged
-    return Path(folder)
+    allowed = "a ForecastModel, or the folder of one"
+    place = Path(require_type("model", DEFAULT_MODEL if folder is None else folder, str | Path, allowed))
+    if folder is None or (f"{place}" == DEFAULT_MODEL and not place.exists()):
+        return Path(__file__).parents[1] / "models" / DEFAULT_MODEL
+    return place
 
 
 def contract(model: ForecastModel) -> dict[str, Any]:

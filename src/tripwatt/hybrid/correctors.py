@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import Final
 
-from tripwatt.errors import Fault, InvalidInput
+from tripwatt.errors import Fault, InvalidInput, raise_faults
 from tripwatt.hybrid.covariates import CovariateCorrector
 from tripwatt.hybrid.outside import Corrector, outside_corrector, packaged_correctors
 from tripwatt.hybrid.power import (
@@ -19,6 +19,7 @@ from tripwatt.hybrid.power import (
     forest_corrector,
     split_corrector,
 )
+from tripwatt.trips.columns import Column, number_faults
 
 POWER_CORRECTORS: Final[Mapping[str, Callable[[int], PowerCorrector]]] = {
     "linear": lambda seed: GPCorrector(LINES),
@@ -64,6 +65,7 @@ def power_corrector(corrector: str | Corrector, seed: int = 0) -> PowerCorrector
     >>> type(power_corrector("linear")).__name__, sorted(POWER_CORRECTORS)
     ('GPCorrector', ['boosting', 'ensemble', 'forest', 'gamm', 'gp', 'linear', 'split'])
     """
+    raise_faults(number_faults("seed", seed, Column("", 0, 2**63 - 1, ""), whole=True))
     if not isinstance(corrector, str):
         return outside_corrector(corrector, seed)
     if corrector in POWER_CORRECTORS:

@@ -13,6 +13,7 @@ import numpy as np
 
 from tripwatt.arrays import FloatArray
 from tripwatt.auditing import audit
+from tripwatt.errors import require_type
 from tripwatt.forecasting.fitting import held_out_figures, provenance_of
 from tripwatt.forecasting.model import ForecastModel, HeldOut
 from tripwatt.forecasting.ranges import NEVER_KNOWN, training_ranges
@@ -237,7 +238,7 @@ def adaptation(
     >>> adapted.model.vehicle.title, len(adapted.model.trip_ids_)
     ('Nissan Leaf 24 kWh', 1)
     """
-    base.fitted_parts("base")
+    require_type("base", base, ForecastModel, "a ForecastModel").fitted_parts("base")
     require_measured(trips)
     cars = cars or population_of(base)
     base = with_travel_times(base, trips, vehicle, cars)

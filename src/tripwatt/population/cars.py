@@ -54,10 +54,10 @@ def for_car(
     """
     fitted = model if isinstance(model, ForecastModel) else load_model(model)
     own = fitted.vehicle
-    if isinstance(car, str):
-        if car == own.name and car not in vehicle_names():
+    if not isinstance(car, Vehicle | None):
+        if f"{car}" == own.name and f"{car}" not in vehicle_names():
             return fitted
-        car = load_vehicle(car, own.preset if car == own.name else "default")
+        car = load_vehicle(car, own.preset if f"{car}" == own.name else "default")
     if car is None or car is own:
         return fitted
     # the model's own car does not need them

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Final
 
@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 
 from tripwatt.arrays import FloatArray
-from tripwatt.errors import Check, Fault, InvalidInput, raise_faults
+from tripwatt.errors import Check, Fault, InvalidInput, raise_faults, require_type
 from tripwatt.sources.columnar import TableFile, csv_table, open_table
 from tripwatt.sources.delimited import open_delimited
 from tripwatt.sources.mapping import ENERGY
@@ -152,6 +152,7 @@ def read_frames(frames: Frames) -> TripSet:
     >>> logs.logs[0], logs.notes[0].value
     (<Log A: 0.6 km in 60 s, 0.09 kWh measured, 2 samples>, 'traffic')
     """
+    require_type("source", frames, Iterable, "a path, or tables")
     if isinstance(frames, pd.DataFrame):
         groups = frames.groupby(frames.get("trip", ["trip"] * len(frames)), sort=False)
         frames = {f"{name}": part for name, part in groups}
@@ -167,8 +168,7 @@ def read_frames(frames: Frames) -> TripSet:
 
 
 def _log_of_frame(name: str, frame: pd.DataFrame) -> Log:
-    if not isinstance(frame, pd.DataFrame):
-        raise InvalidInput.of("unknown type", name, type(frame).__name__, "a DataFrame")
+    require_type(name, frame, pd.DataFrame, "a DataFrame")
     started = None
     if "time_s" not in frame and len(frame) and isinstance(frame.index, pd.DatetimeIndex):
         started = frame.index[0].tz_localize(None).to_pydatetime()

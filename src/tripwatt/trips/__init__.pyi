@@ -49,6 +49,9 @@ from .departure import (
 from .departure import (
     Departure as Departure,
 )
+from .departure import (
+    require_departure as require_departure,
+)
 from .energy import (
     observed_cumulative_energy as observed_cumulative_energy,
 )

@@ -9,7 +9,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass, replace
 from typing import TYPE_CHECKING, Any, Final
 
-from tripwatt.errors import Fault
+from tripwatt.errors import Fault, require_type
 from tripwatt.files import shipped_toml
 from tripwatt.trips.columns import COLUMNS, DEPARTURE_BOUNDS, raise_faults
 from tripwatt.trips.fields import Field
@@ -299,6 +299,33 @@ class Departure:
         from tripwatt.trips.showing import html_table
 
         return html_table("Departure", [(name, str(value)) for name, value in self.to_dict().items()])
+
+
+def require_departure(departure: Departure | None) -> Departure:
+    """Check that an argument is a departure or None.
+
+    Parameters
+    ----------
+    departure : Departure or None
+        The argument.
+
+    Returns
+    -------
+    Departure
+        The same departure; one with nothing known for None.
+
+    Raises
+    ------
+    InvalidInput
+        If the argument is anything else.
+
+    Examples
+    --------
+    >>> require_departure(Departure(soc=0.8)), require_departure(None)
+    (Departure(soc=0.8), Departure())
+    """
+    fix = "for example Departure(soc=0.8)"
+    return require_type("departure", departure, Departure | None, "a Departure", fix) or Departure()
 
 
 def _typical(column: pd.Series[Any]) -> float | str:

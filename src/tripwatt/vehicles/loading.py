@@ -12,7 +12,7 @@ from functools import cache, lru_cache
 from pathlib import Path
 from typing import Any
 
-from tripwatt.errors import InvalidInput, excerpt
+from tripwatt.errors import InvalidInput, excerpt, require_type
 from tripwatt.files import MAX_TEXT_BYTES, parse_toml, read_text_file
 from tripwatt.vehicles.anchors import anchors, with_anchor
 from tripwatt.vehicles.catalogue import catalogue, charging_section, class_values, table_names
@@ -71,7 +71,8 @@ def load_vehicle(
     >>> load_vehicle("bmw_i3_60ah", preset="paper").regeneration.fraction
     0.5
     """
-    path = Path(name_or_path)
+    allowed = "a Vehicle, the name of one, or a TOML file"
+    path = Path(require_type("car", name_or_path, str | Path, allowed))
     if path.suffix != ".toml":
         if overrides:
             return _from_library(str(name_or_path), preset, overrides)

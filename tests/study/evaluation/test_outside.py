@@ -171,7 +171,7 @@ def test_days_are_the_groups_of_a_splitter(fleet):
             "model not available: models: got MeanPower on segments; allowed: a regressor",
         ),
         ({"models": [Unclear()]}, r"unknown kind of model: models: got fit\(data\) of Unclear"),
-        ({"trips": [1, 2]}, "no trip: trips: got int"),
+        ({"trips": [1, 2]}, "unknown type: trips: got 1; allowed: trips, logs"),
     ],
 )
 def test_what_cannot_be_evaluated_is_refused(fleet, wrong, message):

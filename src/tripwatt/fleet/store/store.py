@@ -23,7 +23,7 @@ import pyarrow as pa
 import pyarrow.compute as pc
 
 from tripwatt.arrays import by_key
-from tripwatt.errors import Fault, InvalidInput, counted, require_one
+from tripwatt.errors import Fault, InvalidInput, counted, require_one, require_type
 from tripwatt.fleet.store.delta import DeltaFolder, is_one_of, join_place, text_column
 from tripwatt.fleet.store.rows import (
     SAMPLES,
@@ -548,7 +548,7 @@ def create_store(
     """
     if not 1 <= buckets <= _MAX_BUCKETS:
         raise InvalidInput.of("value out of range", "buckets", f"{buckets}", f"1 to {_MAX_BUCKETS}")
-    store = TripStore(f"{place}", dict(options or {}), buckets)
+    store = TripStore(f"{require_type('place', place, str | Path, 'a path')}", dict(options or {}), buckets)
     if store.rows.exists():
         raise InvalidInput.of("trip store exists", store.place, "", "a new or empty folder")
     about = {"tripwatt_store": FORMAT, "buckets": buckets}

@@ -299,10 +299,10 @@ def advise(
     """
     require_fraction("reserve", reserve)
     require_fraction("probability", probability, 0.5, 0.999)
-    if isinstance(trip, Plan | Trip):
-        forecast = for_car(model, car).forecast(trip, departure)
-    else:
+    if isinstance(trip, Journey | Forecast):
         forecast = _forecast_before_departure(trip, departure, car, model)
+    else:
+        forecast = for_car(model, car).forecast(trip, departure)
     p_arrive, roads = forecast.p_arrive(reserve), trip.roads if isinstance(trip, Journey) else ()
     wholes = [road.whole(reserve) for road in roads]
     ways = [

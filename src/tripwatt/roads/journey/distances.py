@@ -29,7 +29,7 @@ from tripwatt.roads.journey.kinds import (
     shares_over,
     usual_air,
 )
-from tripwatt.trips import Departure, Flag, Plan, Trip
+from tripwatt.trips import Departure, Flag, Plan, Trip, require_departure
 from tripwatt.trips.columns import Column, number_faults, raise_faults, require_fraction, require_number
 from tripwatt.trips.messages import flag_to_dict
 from tripwatt.vehicles import Vehicle
@@ -451,7 +451,7 @@ def need(
     require_fraction("reserve", reserve)
     raise_faults(number_faults("trips", trips, Column("", 1, _MAX_TRIPS, ""), whole=True))
     n_trips = int(trips)
-    own_model, departure = for_car(model, car), departure or Departure()
+    own_model, departure = for_car(model, car), require_departure(departure)
     levels = (BAND[0], _HALF[0], 0.5, _HALF[1], BAND[1], probability)
     if isinstance(distance_km, Plan | Trip):
         forecast = own_model.forecast(distance_km, departure)
@@ -528,7 +528,7 @@ def range_km(
     >>> tw.range_km(0.8).range_m > tw.range_km(0.8, reserve=0.2).range_m
     True
     """
-    departure = departure or Departure()
+    departure = require_departure(departure)
     given = departure.soc if soc is None else soc
     start = require_fraction("soc", 1.0 if given is None else given)
     spare = max(start - require_fraction("reserve", reserve), 0.0)

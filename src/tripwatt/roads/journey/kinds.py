@@ -9,7 +9,7 @@ over the distance. The climb is that of a road of unknown heights, by terrain.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from types import MappingProxyType
@@ -18,7 +18,7 @@ from typing import Final
 import numpy as np
 
 from tripwatt.arrays import FloatArray
-from tripwatt.errors import InvalidInput
+from tripwatt.errors import InvalidInput, excerpt
 from tripwatt.forecasting.ranges import UNKNOWN_AIR_SD_K
 from tripwatt.physics.conditions import UNKNOWN_AMBIENT_DEGC
 from tripwatt.routes.links import LinkRoute
@@ -331,12 +331,12 @@ def shares_of(kind: str | Sequence[float]) -> Shares:
     ((1.0, 0.0, 0.0), (0.5, 0.5, 0.0))
     """
     if isinstance(kind, str):
-        if kind == UNKNOWN:
-            return road_prior().usual
-        if kind not in KINDS:
-            raise InvalidInput.of("unknown kind of road", "kind", kind[:40], ", ".join((*KINDS, UNKNOWN)))
-        return KINDS[kind]
-    if len(kind) != 3 or not (min(kind) >= 0.0 and abs(sum(kind) - 1.0) <= 1e-6):
+        known = {**KINDS, UNKNOWN: road_prior().usual}
+        if kind not in known:
+            raise InvalidInput.of("unknown kind of road", "kind", kind[:40], ", ".join(known))
+        return known[kind]
+    three = isinstance(kind, Collection) and len(kind) == 3
+    if not (three and min(kind) >= 0.0 and abs(sum(kind) - 1.0) <= 1e-6):
         allowed = "three shares of city, country and motorway that add up to 1"
-        raise InvalidInput.of("not shares of a distance", "kind", f"{tuple(kind)}"[:60], allowed)
+        raise InvalidInput.of("not shares of a distance", "kind", excerpt(kind), allowed)
     return tuple(kind)

@@ -31,7 +31,7 @@ from tripwatt.roads.journey.verdict import Advice, Verdict
 from tripwatt.roads.routers import Road
 from tripwatt.routes.link_objects import fields_of_route
 from tripwatt.routes.places import Place
-from tripwatt.trips import Departure, Flag
+from tripwatt.trips import Departure, Flag, require_departure
 from tripwatt.trips.messages import flag_to_dict, leave_in_words
 from tripwatt.units import M_S_PER_KM_H
 from tripwatt.vehicles import Vehicle
@@ -420,7 +420,7 @@ def plan_journey(
     """
     options = options or JourneyOptions()
     atlas = atlas if isinstance(atlas, Atlas) else open_atlas(atlas)
-    forecaster = RoadForecaster(for_car(model, car), departure or Departure(), atlas.weather)
+    forecaster = RoadForecaster(for_car(model, car), require_departure(departure), atlas.weather)
     return journey_with(forecaster, find_stops(stops, atlas, round_trip=options.round_trip), atlas, options)
 
 

@@ -14,7 +14,7 @@ from itertools import chain
 from pathlib import Path
 from typing import Any, Final
 
-from tripwatt.errors import Fault, InvalidInput, excerpt, system_errors
+from tripwatt.errors import Fault, InvalidInput, excerpt, require_type, system_errors
 from tripwatt.files import WRITING, folder_lock
 from tripwatt.forecasting.storage import vehicle_values
 from tripwatt.population.cars import for_car
@@ -72,7 +72,7 @@ def create_car(
     >>> import tripwatt as tw
     >>> car = tw.create_car("my-leaf", "nissan_leaf_24")  # doctest: +SKIP
     """
-    wanted = Path(folder)
+    wanted = Path(require_type("folder", folder, str | Path, "a path"))
     path, label = _car_folder(wanted), label or wanted.name
     if not label.isprintable():  # it is shown on terminals, and could turn the text around it
         raise InvalidInput.of("control characters", "name", excerpt(label), "printable characters")
@@ -141,7 +141,7 @@ def open_car(folder: Path | str) -> Car:
     >>> tw.open_car("my-leaf").diary.score  # doctest: +SKIP
     Score(trips=12, error=0.09, weighted_error=0.08, bias=0.01, coverage=0.92, width=0.4)
     """
-    path = _car_folder(Path(folder))
+    path = _car_folder(Path(require_type("folder", folder, str | Path, "a path")))
     if not is_car(path):
         got = "a folder" if path.is_dir() else "a file" if path.exists() else "no such folder"
         fix = "make one: tripwatt car new"

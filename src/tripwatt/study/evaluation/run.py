@@ -5,12 +5,12 @@ Everything that is fitted, tuned or scaled is fitted inside the fold.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Final
 
-from tripwatt.errors import Fault, InvalidInput
+from tripwatt.errors import Fault, InvalidInput, require_type
 from tripwatt.sources import read_logs
 from tripwatt.study.evaluation.comparison import Comparison
 from tripwatt.study.evaluation.folds import Execution, run_folds
@@ -155,8 +155,6 @@ def _fleet(trips: TripSet | Sequence[Trip] | Path | str) -> TripSet:
         return trips
     if isinstance(trips, str | Path):
         return read_logs(trips, strict=True)
-    logs = tuple(trips)
-    if not all(isinstance(log, Recorded) for log in logs):
-        got = next(type(log).__name__ for log in logs if not isinstance(log, Recorded))
-        raise InvalidInput.of("no trip", "trips", got, "trips, logs, a TripSet or a folder")
-    return TripSet("trips", logs)
+    allowed = "trips, logs, a TripSet or a folder"
+    logs = require_type("trips", trips, Iterable, allowed)
+    return TripSet("trips", tuple(require_type("trips", log, Recorded, allowed) for log in logs))
