@@ -262,6 +262,15 @@ def test_an_argument_of_another_type_is_refused(name: str, kind: str) -> None:
     assert all(fault.what and fault.where and fault.allowed for fault in refused.value.faults)
 
 
+@pytest.mark.parametrize("call", [tw.for_car, tw.load_model, lambda name: tw.forecast(PLAN, model=name)])
+def test_a_car_in_place_of_a_model_is_told(call: Callable[[Any], Any]) -> None:
+    refuses(
+        "i3_60ah: got the name of a car; .*i3_60ah is a car of the library: pass car=", call, "bmw_i3_60ah"
+    )
+    refuses("bmw_i4: got the name of a car; .* pass car='bmw_i4_edrive35'", call, "bmw_i4")
+    refuses("no model: no_such: got nothing", call, "no_such")
+
+
 def test_trips_of_a_generator_are_a_list_of_them() -> None:
     fitted = tw.fit((trip for trip in TRIPS[:9]), "bmw_i3_60ah", corrector="linear", identified=False)
     assert fitted.trip_ids_ == tuple(trip.trip_id for trip in TRIPS[:9])

@@ -38,7 +38,7 @@ from tripwatt.trips import (
     Departure,
     Plan,
 )
-from tripwatt.vehicles import Vehicle, vehicle_document, vehicle_from_document
+from tripwatt.vehicles import Vehicle, vehicle_document, vehicle_from_document, vehicle_names
 
 if TYPE_CHECKING:
     from cattrs import Converter
@@ -311,6 +311,11 @@ def model_folder(folder: Path | str | None = None) -> Path:
     Path
         The given folder, or that of the model that comes with the package if none is given.
 
+    Raises
+    ------
+    InvalidInput
+        If the folder is neither a path nor a text, or does not exist and cars of the library have such names.
+
     Examples
     --------
     >>> model_folder().name
@@ -320,6 +325,10 @@ def model_folder(folder: Path | str | None = None) -> Path:
     place = Path(require_type("model", DEFAULT_MODEL if folder is None else folder, str | Path, allowed))
     if folder is None or (f"{place}" == DEFAULT_MODEL and not place.exists()):
         return Path(__file__).parents[1] / "models" / DEFAULT_MODEL
+    cars = () if place.exists() else [name for name in vehicle_names() if name.startswith(f"{place}")]
+    if cars:
+        fix = f"{cars[0]} is a car of the library: pass car='{cars[0]}', on the command line --car {cars[0]}"
+        raise InvalidInput.of("no model", f"{place}", "the name of a car", allowed, fix)
     return place
 
 
