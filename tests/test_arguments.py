@@ -277,6 +277,34 @@ def test_trips_of_a_generator_are_a_list_of_them() -> None:
     refuses(r"trips: got Trip; .*\[trip\]", tw.fit, TRIPS[0], "bmw_i3_60ah")
 
 
+SOUND = TRIPS[0].samples
+UNCHECKED: Final = {
+    "shuffled": (SOUND.sample(frac=1.0, random_state=0), "time does not increase: A"),
+    "another order after the first": (SOUND.iloc[[0, *range(40, 20, -1), 50]], "time does not increase: A"),
+    "no speed": (SOUND.drop(columns="speed_m_s"), "missing column: A: .*'speed_m_s'"),
+    "no time": (SOUND.drop(columns="time_s"), "missing column: A: .*'time_s'"),
+    "no rows": (SOUND.iloc[:0], "too few samples: A"),
+    "text": (SOUND.assign(speed_m_s="fast"), "not a number: A, column 'speed_m_s'"),
+    "no table": (None, "unknown type: A: got None; allowed: a DataFrame"),
+}
+"""Samples that `Trip.from_samples` refuses, and how."""
+
+
+@pytest.mark.parametrize(("samples", "words"), UNCHECKED.values(), ids=UNCHECKED)
+def test_a_trip_that_was_not_checked_is_refused_like_its_samples(samples: Any, words: str) -> None:
+    refuses(words, tw.Trip.from_samples, "A", samples)
+    trip = tw.Trip("A", samples, observed_energy_wh=900.0)
+    refuses(words, tw.forecast, trip)
+    refuses(words, tw.simulate, trip, "vw_id3")
+    refuses(words, tw.fit, [trip] * 9, "bmw_i3_60ah", corrector="linear")
+
+
+@pytest.mark.parametrize("name", ["no speed", "no time", "text", "no table"])
+def test_a_plan_without_a_speed_over_time_cannot_be_made(name: str) -> None:
+    refuses(UNCHECKED[name][1], tw.Plan, "A", UNCHECKED[name][0])
+    refuses("time does not increase", tw.forecast, tw.Plan("A", UNCHECKED["shuffled"][0]))
+
+
 DRIVEN = pd.DataFrame(
     {"time_s": [0.0, 60.0, 120.0], "voltage_v": 350.0, "current_a": 30.0, "speed_m_s": 15.0}
 )

@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -24,8 +24,8 @@ from tripwatt.physics.batch import trip_totals
 from tripwatt.routes.links import LinkRoute
 from tripwatt.sources import read_logs
 from tripwatt.sources.canonical import Frames, canonical_samples, read_canonical
-from tripwatt.trips import COLUMNS, LINK_COLUMNS, Departure, Plan, Trip, TripSet, require_departure
-from tripwatt.trips.departure import FIELDS
+from tripwatt.trips import COLUMNS, LINK_COLUMNS, Departure, Plan, Trip, TripSet, structure_faults
+from tripwatt.trips.departure import FIELDS, require_departure
 from tripwatt.units import with_units
 from tripwatt.vehicles import ALIASES, Vehicle, load_vehicle, vehicle_document, vehicle_from_document
 
@@ -93,7 +93,8 @@ def _read(source: Route) -> LinkRoute | routes.Track | pd.DataFrame:
         return read_canonical(source)
     if isinstance(source, pd.DataFrame) and ("time_s" in source or not _is_of_links(source)):
         return canonical_samples(source)
-    return routes.route_from_links(source)
+    allowed = "a file or its content, a DataFrame, or a list of links"
+    return routes.route_from_links(require_type("source", source, Iterable, allowed))
 
 
 def _is_of_links(table: pd.DataFrame) -> bool:
@@ -425,13 +426,13 @@ def _car(car: Vehicle | str) -> Vehicle:
     return car if isinstance(car, Vehicle) else load_vehicle(car)
 
 
-def _sound(trips: Trips) -> Sequence[Trip]:
+def _sound(trips: Any) -> Sequence[Trip]:
     if not isinstance(trips, TripSet | pd.DataFrame | Mapping | str):
         fix = "give one trip as a list: [trip]"
-        given = require_type("trips", trips, Iterable, "a TripSet, trips, or tables", fix)
-        trips = cast(Sequence[Trip], tuple(given))
+        trips = tuple(require_type("trips", trips, Iterable, "a TripSet, trips, or tables", fix))
         if all(isinstance(trip, Trip) for trip in trips):
-            return trips
+            raise_faults(fault for trip in trips for fault in structure_faults(trip.samples, trip.trip_id))
+            return tuple(trips)
     from tripwatt.auditing import audit  # a forecast does not need it
 
-    return audit(trips if isinstance(trips, TripSet) else read_logs(cast(Frames, trips))).trips
+    return audit(trips if isinstance(trips, TripSet) else read_logs(trips)).trips

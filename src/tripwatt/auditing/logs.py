@@ -18,6 +18,7 @@ from tripwatt.auditing.findings import Consequence, Cut, Finding, array, between
 from tripwatt.errors import Fault, counted, raise_faults, require_type
 from tripwatt.trips import Recorded, Trip, TripSet, require_unique_ids, structure_faults, value_faults
 from tripwatt.trips.reading import Group, group_by_kind
+from tripwatt.trips.schema import faults_named
 
 SHORTEST_LEG_M: Final = 1000.0
 SHORTEST_LEG_S: Final = 120.0
@@ -140,10 +141,9 @@ def audit(logs: TripSet | Iterable[Recorded]) -> Audit:
     >>> float(result.trips[0].duration_s)
     400.0
     """
-    given = (
-        logs.logs if isinstance(logs, TripSet) else require_type("logs", logs, Iterable, "a TripSet, or logs")
-    )
-    recorded = tuple(require_type("logs", log, Recorded, "a TripSet, or logs") for log in given)
+    allowed = "a TripSet, or logs"
+    given = logs.logs if isinstance(logs, TripSet) else require_type("logs", logs, Iterable, allowed)
+    recorded = tuple(require_type("logs", log, Recorded, allowed) for log in given)
     require_unique_ids(recorded)
     raise_faults(
         Fault("not a raw log", log.trip_id, f"means over {log.step_s} s") for log in recorded if log.step_s
@@ -167,7 +167,8 @@ def audit(logs: TripSet | Iterable[Recorded]) -> Audit:
 
 def _audit_log(trip: Recorded) -> tuple[list[Recorded], list[Finding]]:
     """Return the drives of one log, each mended and judged separately, and the findings."""
-    samples, findings = signals.blank_infinite(trip.samples, trip.trip_id)
+    with faults_named(trip.samples, trip.trip_id):
+        samples, findings = signals.blank_infinite(trip.samples, trip.trip_id)
     samples, cuts, new_findings = stamps.mend_stamps(samples, trip.trip_id)
     findings += [*new_findings, *signals.missing_columns(samples, trip.trip_id)]
     if len(samples) < 2:

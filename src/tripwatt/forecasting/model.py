@@ -378,9 +378,8 @@ class ForecastModel:
         True
         """
         require_departure(departure)
-        require_type(
-            "trip", trip, Plan | Recorded, "a Plan or a Trip", "make a plan with tripwatt.read_route"
-        )
+        fix = "make a plan with tripwatt.read_route"
+        require_type("trip", trip, Plan | Recorded, "a Plan or a Trip", fix)
         recorded = trip if isinstance(trip, Plan) else Plan.from_trip(trip)
         plan = recorded.with_departure(departure)
         corrector, uncertainty = self.fitted_parts("forecast")

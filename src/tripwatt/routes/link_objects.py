@@ -27,7 +27,6 @@ from tripwatt.errors import (
     excerpt,
     first_faults,
     raise_faults,
-    require_type,
 )
 from tripwatt.files import file_head
 from tripwatt.routes.links import FASTEST_LINK_M_S, FLAT_ROAD, MAX_LINKS, LinkRoute
@@ -80,8 +79,7 @@ def route_from_links(links: Iterable[Mapping[str, float | None]] | pd.DataFrame)
     >>> route.duration_s, route.elevation_at([500.0, 1500.0]), route.flags[0].code
     (110.0, array([10.,  0.]), 'elevation_relative')
     """
-    allowed = "a file or its content, a DataFrame, or a list of links"
-    rows: Iterable[object] = require_type("source", links, Iterable, allowed)
+    rows: Iterable[object] = links
     if isinstance(links, pd.DataFrame):
         raise_faults(link_header_faults([*map(str, links)], "links"))
         rows = links.astype(object).where(links.notna(), None).to_dict("records")

@@ -18,7 +18,7 @@ from tripwatt.trips.flags import Flag
 from tripwatt.trips.gaps import MAX_DURATION_S, gap_flags, time_faults
 from tripwatt.trips.messages import flag_to_dict, message
 from tripwatt.trips.samples import Sampled, bin_means, columns_of, table_of
-from tripwatt.trips.schema import structure_faults, validate_samples, value_faults
+from tripwatt.trips.schema import faults_named, structure_faults, validate_samples, value_faults
 from tripwatt.trips.showing import html_table, journey
 from tripwatt.trips.trip import Recorded
 from tripwatt.trips.weather import PlanWeather
@@ -142,8 +142,10 @@ class Plan(Sampled):
     _values: FloatArray = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "_values", self.samples.to_numpy(dtype=np.float64))
-        _require_duration(self.duration_s, self.trip_id)
+        with faults_named(self.samples, self.trip_id):
+            object.__setattr__(self, "_values", self.samples.to_numpy(dtype=np.float64))
+            _require_duration(self.duration_s, self.trip_id)
+            self.array("speed_m_s")  # simulated without a further check that it is there
 
     def array(self, column: str) -> FloatArray:
         """Return one column as a float64 array, shape (samples,); much faster than for a trip, as a plan has few columns.
@@ -251,7 +253,8 @@ class Plan(Sampled):
         >>> plan.has("speed_m_s"), plan.has("current_a"), plan.departure == trip.departure
         (True, False, True)
         """
-        return cls._binned(trip, trip.departure)
+        with faults_named(trip.samples, trip.trip_id):
+            return cls._binned(trip, trip.departure)
 
     @classmethod
     def from_samples(

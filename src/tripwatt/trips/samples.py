@@ -183,6 +183,8 @@ def bin_means(
     ------
     InvalidInput
         If there would be `MAX_BINS` bins or more.
+    ValueError
+        If the times do not increase.
 
     Examples
     --------
@@ -190,6 +192,8 @@ def bin_means(
     >>> n_bins, means["speed_m_s"].tolist()
     (2, [1.0, 5.0])
     """
+    if (np.diff(time) <= 0.0).any():
+        raise ValueError("times that do not increase")
     if not float(time[-1]) / step_s < MAX_BINS:
         got = f"{float(time[-1]):g} s in steps of {step_s:g} s"
         raise InvalidInput.of("duration out of range", "samples", got, f"at most {MAX_BINS} steps")

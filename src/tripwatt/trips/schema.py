@@ -7,13 +7,14 @@ Readers of logs produce columns with the names of `COLUMNS`, and models of trips
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from typing import Any
 
 import numpy as np
 import pandas as pd
 
 from tripwatt.arrays import FloatArray
-from tripwatt.errors import Fault, and_more, excerpt
+from tripwatt.errors import DAMAGE, Fault, and_more, excerpt, require_type
 from tripwatt.trips.columns import COLUMNS, IN_KM_H, REQUIRED_COLUMNS, raise_faults
 
 
@@ -42,6 +43,7 @@ def structure_faults(
     >>> [fault.what for fault in structure_faults(pd.DataFrame({"time_s": [0.0]}), "drive.csv")]
     ['missing column', 'too few samples']
     """
+    require_type(where, samples, pd.DataFrame, "a DataFrame")
     for name in required:
         if name not in samples.columns:
             got = f"columns {sorted(map(str, samples.columns))}"[:200]
@@ -110,6 +112,16 @@ def value_faults(samples: pd.DataFrame | Mapping[str, FloatArray], where: str) -
         got = f"{time[row]:g} s after {time[row - 1]:g} s{and_more(back)}"
         place = f"{where}, column 'time_s', row {row + 1}"
         yield Fault("time does not increase", place, got, "increasing times", at=("time_s", row))
+
+
+@contextmanager
+def faults_named(samples: pd.DataFrame, where: str) -> Iterator[None]:
+    """Raise `InvalidInput` with the faults of samples that were not checked, if the block fails on them."""
+    try:
+        yield
+    except DAMAGE:
+        validate_samples(samples, where)
+        raise
 
 
 def validate_samples(samples: pd.DataFrame, where: str) -> None:

@@ -17,7 +17,7 @@ from tripwatt.trips.energy import observed_cumulative_energy, observed_energy, o
 from tripwatt.trips.flags import Flag
 from tripwatt.trips.reading import ReadingReport
 from tripwatt.trips.samples import Sampled, bin_means, columns_of
-from tripwatt.trips.schema import structure_faults, validate_samples
+from tripwatt.trips.schema import faults_named, structure_faults, validate_samples
 from tripwatt.trips.showing import html_table, journey
 
 if TYPE_CHECKING:
@@ -354,9 +354,10 @@ def resample(trip: Trip, step_s: float = 1.0) -> Trip:
     """
     if not step_s > 0:
         raise InvalidInput.of("step out of range", "step_s", f"{step_s}", "more than 0 s")
-    time = trip.array("time_s") - float(trip.samples["time_s"].iloc[0])
-    signals = {c: trip.array(c) for c in trip.samples.columns if c in COLUMNS}
-    n_bins, means = bin_means(time, signals, step_s)
+    with faults_named(trip.samples, trip.trip_id):
+        time = trip.array("time_s") - float(trip.samples["time_s"].iloc[0])
+        signals = {c: trip.array(c) for c in trip.samples.columns if c in COLUMNS}
+        n_bins, means = bin_means(time, signals, step_s)
     samples = pd.DataFrame(means)
     cumulative = observed_cumulative_energy(trip.samples)
     if cumulative is not None:
