@@ -147,7 +147,7 @@ def test_names_that_are_wrong_are_told(trips, model):
     assert found == "name is taken: covariates: got air_w; allowed: another name of the column"
     with pytest.raises(tw.InvalidInput, match="unknown covariate: departure: got 'trafic'"):
         model.forecast(trips[0], tw.Departure(covariates={"trafic": 1.0}))
-    with pytest.raises(tw.InvalidInput, match="covariates: got the text 'traffic'; allowed: a list of names"):
+    with pytest.raises(tw.InvalidInput, match="covariates: got 'traffic'; allowed: a list of names"):
         tw.fit(trips, CAR, covariates="traffic")
     for wrong in ("traffic", {"traffic": None}, {1: 1.0}, {"traffic": np.nan}):
         refuses("wrong type: covariates", tw.Departure, covariates=wrong)
