@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import datetime as dt
+import inspect
 import math
 from collections.abc import Callable
 from fractions import Fraction
@@ -168,6 +169,13 @@ FIELDS: Final[dict[str, tuple[Any, ...]]] = {
 def test_a_field_of_a_departure_of_another_type_or_choice_is_refused(name: str, value: Any) -> None:
     with pytest.raises(tw.InvalidInput, match=f"{name}: got"):
         tw.Departure(**{name: value})
+
+
+def test_the_signature_of_a_departure_has_its_fields() -> None:
+    shown = inspect.signature(tw.Departure).parameters
+    assert list(shown) == [*tw.Departure.__dataclass_fields__]
+    assert all(field.default is None for field in shown.values())
+    refuses("unknown field: Departure: got 'ambient'.*did you mean", tw.Departure, ambient=5.0)
 
 
 def test_every_field_of_a_departure_is_checked() -> None:

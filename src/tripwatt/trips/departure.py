@@ -7,6 +7,8 @@ import itertools
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass, replace
+from inspect import signature
+from types import MethodType
 from typing import TYPE_CHECKING, Any, Final
 
 from tripwatt.errors import Fault, require_type
@@ -366,6 +368,9 @@ def _described(name: str, field: Field) -> str:
     allowed = f" {field.allowed}." if field.column is not None else ""
     return f"{name} : {kind} or None\n        {field.help}{allowed}"
 
+
+# `__new__` takes any name; a list of the fields is what a person looks for
+Departure.__signature__ = signature(MethodType(Departure.__init__, Departure))  # type: ignore[attr-defined]
 
 if Departure.__doc__:  # absent under -OO
     Departure.__doc__ = Departure.__doc__.replace(
