@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from pathlib import Path
 
@@ -9,8 +10,10 @@ import numpy as np
 import pandas as pd
 import pytest
 from tests.sources.test_suggest import Columns, drive, proposed, stamps
+from tests.support import ROOT
 
 from tripwatt.hybrid.climate_log import logged_climate
+from tripwatt.sources.mapping import shipped_mappings
 from tripwatt.sources.suggest import suggest_mapping
 from tripwatt.sources.table import read_table
 
@@ -239,6 +242,11 @@ def test_records_of_telematics_read_by_their_mapping_and_the_proposal_is_that_ma
         assert log.array("elevation_m")[0] == HEIGHT_M
     else:
         assert log.array("ambient_temperature_degc")[0] == pytest.approx(AMBIENT_DEGC)
+
+
+def test_every_mapping_has_its_name_on_the_page() -> None:
+    named = re.findall(r'^  (\w+): "[^"]+",$', (ROOT / "web/src/text/loggers.ts").read_text(), re.MULTILINE)
+    assert sorted(named) == sorted(shipped_mappings())
 
 
 def test_tracks_of_webfleet_are_proposed_without_a_mapping_of_their_own(tmp_path) -> None:
