@@ -182,6 +182,22 @@ def test_what_verbs_give_is_one_line():
     assert list(lines) == list(lines.values())
 
 
+def test_answers_without_a_road_and_advice_are_one_line():
+    advice = tw.advise(tw.read_route(LINKS, trip_id="commute"), tw.Departure(soc=0.8, extras=("roof_box",)))
+    energy = tw.need(100)
+    far = tw.range_km(0.8)
+    chance = f"chance of {advice.p_arrive:.0%} to arrive with 10%, {advice.charge_to:.0%} to leave with"
+    assert repr(advice).startswith(f"<Advice commute: {chance}, {len(advice.singly)} action")
+    assert repr(energy).startswith(
+        f"<Need 100.0 km, mixed: {energy.energy_wh / 1000.0:.2f} kWh, 90% interval "
+    )
+    assert repr(energy).endswith(f" kWh, {energy.soc_needed:.0%} to leave with>")
+    low, high = (f"{end / 1000.0:.0f}" for end in far.interval_m)
+    shown = f"{far.range_m / 1000.0:.0f} km, 90% interval {low} to {high} km, from 80% to 10%"
+    assert repr(far) == f"<Range {shown}>"
+    assert max(map(len, map(repr, (advice, energy, far)))) < 150
+
+
 def test_a_fleet_of_files_has_what_was_read_in_its_line(tmp_path):
     (tmp_path / "a.csv").write_text(synthetic_fleet(1).logs[0].samples.to_csv(index=False))
     (tmp_path / "b.csv").write_text("")

@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 
 from tripwatt.arrays import FloatArray, changes, running_sum
-from tripwatt.errors import InvalidInput
+from tripwatt.errors import InvalidInput, counted
 from tripwatt.forecasting.along import Along, Arrival, F, Trajectories, at_fractions, distance_below
 from tripwatt.forecasting.difference import Difference, Shared, sd_between
 from tripwatt.forecasting.document import (
@@ -41,7 +41,7 @@ from tripwatt.trips import Flag, Plan, raise_faults
 from tripwatt.trips.columns import require_fraction, require_number
 from tripwatt.trips.departure import FIRST_S
 from tripwatt.trips.messages import flag_to_dict, message
-from tripwatt.trips.showing import html_table
+from tripwatt.trips.showing import html_table, with_interval
 from tripwatt.uncertainty import ChargeScale, ResidualPower, RouteUncertainty, UncertaintyModel
 from tripwatt.uncertainty.charge import FULL
 from tripwatt.uncertainty.climb import ClimbingEnergy, Excess, UnknownClimb
@@ -685,13 +685,9 @@ class Forecast:
         return plot_forecast(self.to_frame(), self.by_cause_wh, title, self.measured_until_s, ax)
 
     def __repr__(self) -> str:
-        low, high = self.interval(BAND)
-        n = len(self.flags)
-        flags = f", {n} flag{'s' * (n > 1)}" if n else ""
-        return (
-            f"<Forecast {self.plan.trip_id}: {self.energy_wh / 1000.0:.2f} kWh, {BAND:.0%} interval "
-            f"{low / 1000.0:.2f} to {high / 1000.0:.2f} kWh, arrival with {self.soc_arrival:.0%}{flags}>"
-        )
+        energy = with_interval(self.energy_wh, self.interval(BAND), "kWh")
+        flags = f", {counted(len(self.flags), 'flag')}" if self.flags else ""
+        return f"<Forecast {self.plan.trip_id}: {energy}, arrival with {self.soc_arrival:.0%}{flags}>"
 
     def _repr_html_(self) -> str:
         (low, high), (least, most) = self.interval(BAND), self.arrival.interval(BAND)

@@ -63,6 +63,18 @@ def span(name: str, low: float, high: float) -> str:
     return f"{low:.3g} to {high:.3g}{' °C' if name.endswith('_degc') else ''}"
 
 
+def with_interval(middle: float, interval: tuple[float, float], unit: str, digits: int = 2) -> str:
+    """Format a value and its central 90 % in thousands of their unit as text.
+
+    Examples
+    --------
+    >>> with_interval(3741.2, (3430.0, 4060.0), "kWh"), with_interval(99_464.0, (74_333.0, 142_604.0), "km", 0)
+    ('3.74 kWh, 90% interval 3.43 to 4.06 kWh', '99 km, 90% interval 74 to 143 km')
+    """
+    value, low, high = (f"{number / 1000.0:.{digits}f}" for number in (middle, *interval))
+    return f"{value} {unit}, 90% interval {low} to {high} {unit}"
+
+
 def journey(distance_m: float, duration_s: float) -> str:
     """Format distance and duration of a drive as text.
 

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final
 
-from tripwatt.errors import InvalidInput
+from tripwatt.errors import InvalidInput, counted
 from tripwatt.forecasting import Difference, Forecast, ForecastModel
 from tripwatt.forecasting.leaving import forecasts_like, soc_needed
 from tripwatt.population import for_car
@@ -170,7 +170,7 @@ class SpeedCap:
         return {name: getattr(self, name) for name in (*SpeedCap.__slots__, "charging_w")}
 
 
-@dataclass(frozen=True, eq=False, slots=True)
+@dataclass(frozen=True, eq=False, slots=True, repr=False)
 class Advice:
     """Advice about a trip.
 
@@ -245,6 +245,11 @@ class Advice:
             "speeds": [cap.to_dict() for cap in self.speeds],
             "flags": [flag_to_dict(flag) for flag in self.forecast.flags],
         }
+
+    def __repr__(self) -> str:
+        arrival = f"chance of {self.p_arrive:.0%} to arrive with {self.reserve:.0%}"
+        helps = f"{self.charge_to:.0%} to leave with, {counted(len(self.singly), 'action')} to save energy"
+        return f"<Advice {self.forecast.plan.trip_id}: {arrival}, {helps}>"
 
 
 def advise(

@@ -32,6 +32,7 @@ from tripwatt.roads.journey.kinds import (
 from tripwatt.trips import Departure, Flag, Plan, Trip, require_departure
 from tripwatt.trips.columns import Column, number_faults, raise_faults, require_fraction, require_number
 from tripwatt.trips.messages import flag_to_dict
+from tripwatt.trips.showing import with_interval
 from tripwatt.vehicles import Vehicle
 
 NODES_M: Final = (2_000.0, 5_000.0, 15_000.0, 40_000.0, 100_000.0)
@@ -52,7 +53,7 @@ def _tuples_to_lists(values: dict[str, Any]) -> dict[str, Any]:
     return {name: list(v) if isinstance(v, tuple) else v for name, v in values.items()}
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, repr=False)
 class Need:
     """The energy and charge that a distance, or some trips, need.
 
@@ -122,6 +123,11 @@ class Need:
         """
         return _tuples_to_lists(asdict(self)) | {"flags": [flag_to_dict(flag) for flag in self.flags]}
 
+    def __repr__(self) -> str:
+        energy = with_interval(self.energy_wh, self.interval_wh, "kWh")
+        road = f"{self.distance_m / 1000.0:.1f} km, {self.kind}"
+        return f"<Need {road}: {energy}, {self.soc_needed:.0%} to leave with>"
+
 
 @dataclass(frozen=True, slots=True)
 class KindRange:
@@ -141,7 +147,7 @@ class KindRange:
     interval_m: tuple[float, float]
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, repr=False)
 class Range(KindRange):
     """How far a charge carries.
 
@@ -187,6 +193,10 @@ class Range(KindRange):
         rows = [{"kind": kind, **_tuples_to_lists(asdict(row))} for kind, row in self.by_kind.items()]
         flags = [flag_to_dict(flag) for flag in self.flags]
         return _tuples_to_lists(asdict(self)) | {"by_kind": rows, "flags": flags}
+
+    def __repr__(self) -> str:
+        distance = with_interval(self.range_m, self.interval_m, "km", 0)
+        return f"<Range {distance}, from {self.soc:.0%} to {self.reserve:.0%}>"
 
 
 @dataclass(frozen=True, slots=True)
@@ -468,22 +478,9 @@ def need(
         taken = float(charge[-1])
     low, lower, median, upper, high, quantile_wh = (n_trips * energy).tolist()
     needed = max(reserve + n_trips * taken, 0.0)
-    return Need(
-        n_trips * distance_m,
-        kind_name,
-        median,
-        quantile_wh,
-        probability,
-        (lower, upper),
-        (low, high),
-        needed,
-        reserve,
-        n_trips * duration_s,
-        flags,
-        own_model.vehicle.name,
-        own_model.vehicle.title,
-        doubt,
-    )
+    distance_m, vehicle = n_trips * distance_m, own_model.vehicle
+    rest = needed, reserve, n_trips * duration_s, flags, vehicle.name, vehicle.title, doubt
+    return Need(distance_m, kind_name, median, quantile_wh, probability, (lower, upper), (low, high), *rest)
 
 
 def range_km(
