@@ -428,8 +428,7 @@ def _car(car: Vehicle | str) -> Vehicle:
 
 def _sound(trips: Any) -> Sequence[Trip]:
     if not isinstance(trips, TripSet | pd.DataFrame | Mapping | str):
-        fix = "give one trip as a list: [trip]"
-        trips = tuple(require_type("trips", trips, Iterable, "a TripSet, trips, or tables", fix))
+        trips = tuple(require_type("trips", trips, Iterable, "a list of trips, a TripSet, or tables"))
         if all(isinstance(trip, Trip) for trip in trips):
             raise_faults(fault for trip in trips for fault in structure_faults(trip.samples, trip.trip_id))
             return tuple(trips)

@@ -18,7 +18,7 @@ import numpy as np
 import pandas as pd
 
 from tripwatt.arrays import FloatArray
-from tripwatt.errors import InvalidInput, damage, excerpt, raise_faults, require_type
+from tripwatt.errors import DAMAGE, InvalidInput, damage, excerpt, raise_faults, require_type
 from tripwatt.forecasting.document import ForecastResponse
 from tripwatt.forecasting.model import ForecastModel
 from tripwatt.forecasting.plausible import impossible_faults
@@ -52,9 +52,6 @@ TRIAL: Final = "trial_w"
 TRIAL_DEGC: Final = (-15.0, 40.0)
 """Outside temperatures of trial trips [°C], besides the one assumed for a departure of which nothing is known."""
 
-UNUSABLE: Final = (ArithmeticError, AttributeError, LookupError, TypeError, ValueError)
-"""Exceptions of a model whose values do not fit together."""
-
 DEFAULT_MODEL: Final = "bmw_i3_tum"
 """The model that comes with the package."""
 
@@ -81,7 +78,7 @@ def model_of_parts(parts: Mapping[str, Part], outside: Corrector | None = None) 
         model.corrector = outside
         try:
             same = np.allclose(_trial_correction_w(model), before_w, rtol=1e-6, atol=1e-6)
-        except UNUSABLE:  # the object is not fitted, or was fitted to another input
+        except DAMAGE:  # the object is not fitted, or was fitted to another input
             same = False
         if not same:
             allowed = "the object that was fitted with the model"
@@ -254,7 +251,7 @@ def require_usable(model: ForecastModel, where: str) -> None:
             json.dumps(documents, allow_nan=False)
     except InvalidInput as error:
         got = error.faults[0].what
-    except UNUSABLE as error:
+    except DAMAGE as error:
         got = f"{type(error).__name__}: {error}"[:200]
     else:
         if quantiles == [*map(sorted, quantiles)]:

@@ -8,7 +8,6 @@ import math
 from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass, replace
 from inspect import signature
-from types import MethodType
 from typing import TYPE_CHECKING, Any, Final
 
 from tripwatt.errors import Fault, require_type
@@ -370,7 +369,7 @@ def _described(name: str, field: Field) -> str:
 
 
 # `__new__` takes any name; a list of the fields is what a person looks for
-Departure.__signature__ = signature(MethodType(Departure.__init__, Departure))  # type: ignore[attr-defined]
+Departure.__signature__ = signature(Departure.__init__.__get__(Departure))  # type: ignore[attr-defined]
 
 if Departure.__doc__:  # absent under -OO
     Departure.__doc__ = Departure.__doc__.replace(
