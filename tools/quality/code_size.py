@@ -23,11 +23,11 @@ from tools.command import run
 PARTS: Final = ("roads", "server", "fleet", "study", "gamm")
 """Rooms that are a part; all others together are the core. `gamm` is a distribution of its own."""
 BUDGETS: Final[Mapping[str, int]] = {
-    "core": 20_430,
-    "roads": 4_447,
+    "core": 20_435,
+    "roads": 4_446,
     "server": 5_984,
     "fleet": 2_899,
-    "study": 4_652,
+    "study": 4_648,
     "gamm": 3_854,
 }
 """Most code lines of each part. They only fall: whoever needs lines finds them first. The fleet may have up to 3,400, for what a manager
