@@ -101,7 +101,9 @@ def evaluate(
 
     failed = [note for note in run.results["notes"] if " trips scored; " in note]
     if protocol == "paper":
-        failed.append("The hybrids are the paper's; `--protocol forecast` scores what `tripwatt forecast` gives.")
+        failed.append(
+            "The hybrids are the paper's; `--protocol forecast` scores what `tripwatt forecast` gives."
+        )
     last = (*failed, f"Report, with all models and the notes of the run: {out / 'report.html'}")
     return Answer(run.results, partial(_show, (short_table(View(run.results), whole=bool(models)),), *last))
 
