@@ -99,13 +99,12 @@ def evaluate(
             write_whole(lambda folder: _write(run, folder), out, unfinished)
     from tripwatt.study.report import View, short_table
 
+    view = View(run.results)
     failed = [note for note in run.results["notes"] if " trips scored; " in note]
-    if protocol == "paper":
-        failed.append(
-            "The hybrids are the paper's; `--protocol forecast` scores what `tripwatt forecast` gives."
-        )
+    if view.published:
+        failed.append("Hybrids are the paper's; `--protocol forecast` scores what `tripwatt forecast` gives.")
     last = (*failed, f"Report, with all models and the notes of the run: {out / 'report.html'}")
-    return Answer(run.results, partial(_show, (short_table(View(run.results), whole=bool(models)),), *last))
+    return Answer(run.results, partial(_show, (short_table(view, whole=bool(models)),), *last))
 
 
 def _names(options: list[str] | None) -> list[str] | None:

@@ -242,7 +242,26 @@ def identify(records: Sequence[StageRecord], vehicle: Vehicle) -> Identified:
 
 
 def identify_each(several: Sequence[Sequence[StageRecord]], vehicle: Vehicle) -> list[Identified]:
-    """Most probable values of a car from each of several choices of trips, as `identify` finds them, in less time."""
+    """Most probable values of a car from each of several choices of trips, as `identify` finds them, in less time.
+
+    Parameters
+    ----------
+    several : sequence of sequence of StageRecord
+        Records of each choice of trips, made with `vehicle`.
+    vehicle : Vehicle
+        The car with its published values.
+
+    Returns
+    -------
+    list of Identified
+        One for each choice.
+
+    Examples
+    --------
+    >>> from tripwatt.vehicles import load_vehicle
+    >>> [dict(shown.values) for shown in identify_each([[], []], load_vehicle("bmw_i3_60ah"))]
+    [{}, {}]
+    """
     climates = [[r.climate for r in records if r.climate is not None] for records in several]
     enough = [seen for seen in climates if len(seen) >= MIN_TRIPS]
     of_climate = iter(climate_values(enough, vehicle))

@@ -92,6 +92,15 @@ class PowerCorrector:
         ------
         InvalidInput
             If the corrector cannot be fitted.
+
+        Examples
+        --------
+        >>> from tripwatt.hybrid import power_corrector, segment_trips
+        >>> from tripwatt.study.synthetic import VEHICLE, synthetic_fleet
+        >>> from tripwatt.vehicles import load_vehicle
+        >>> table = segment_trips(synthetic_fleet(4).trips, load_vehicle(VEHICLE))
+        >>> type(power_corrector("linear").tune(table).clone_tuned()).__name__
+        'GPCorrector'
         """
         return self.fit(table)
 
