@@ -30,7 +30,7 @@ MAX_CHARACTERS: Final = 2000
 """Largest number of characters that a message shows of one text of a fault."""
 
 OTHER_NAMES: Final[Mapping[str, str]] = {"vehicle": "car", "vehicle_figures": "car"}
-"""Name of a field in earlier versions of the service -> its name."""
+"""Name that stands for a car elsewhere -> the name of the field, for the hint of a refusal."""
 
 _SHORT: Final = reprlib.Repr()
 _SHORT.maxlevel = 3

@@ -183,7 +183,7 @@ def _checked_table(value: Any, where: str, limits: Limits, **rules: Any) -> pd.D
 def of_json(table: str, fault: Fault) -> Fault:
     """Return a fault of a table with its place and its value as in the JSON of a request."""
     steps = [BMS_SOC.get(f"{step}", step) for step in fault.at or ()]
-    at, got = (table, *steps), fault.got.replace("nan", "null")
+    at, got = (table, *steps), re.sub(r"\bnan\b", "null", fault.got)
     return replace(fault, where=dotted(at) if steps else fault.where, got=got, at=at)
 
 
