@@ -8,23 +8,27 @@ from __future__ import annotations
 
 import csv
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
 from typing import Final
 
 import numpy as np
+import pandas as pd
+from scipy.optimize import brentq
 from tools.command import run
-from tools.data.anchoring import anchored, certified_figures, most_probable, scaled
+from tools.data.anchoring import anchored, certified_figures, most_probable, scaled, without_outliers
 from tools.docs import pages
 
 from benchmarks.measure import Row
+from benchmarks.six_numbers import body_of, known_of
 from tripwatt.arrays import FloatArray
-from tripwatt.certification.consumption import ROAD_LOAD, CertifiedFigure, errors
+from tripwatt.certification.consumption import FACTORS, ROAD_LOAD, CertifiedFigure, errors, with_road_load
+from tripwatt.certification.describing import described
 from tripwatt.vehicles import Vehicle, load_vehicle, vehicle_from_document, vehicle_names
-from tripwatt.vehicles.anchors import CLASS, Anchor, anchors
-from tripwatt.vehicles.catalogue import catalogue
+from tripwatt.vehicles.anchors import CLASS, Anchor, anchors, class_of
+from tripwatt.vehicles.catalogue import catalogue, table_names
 from tripwatt.vehicles.loading import library_document
 from tripwatt.vehicles.vehicle import FIELDS
 
@@ -123,6 +127,7 @@ def compute() -> tuple[dict[str, Anchor], list[Outcome]]:
     efficiency = scaled(cars["vw_id4_pro"], CLASS_LOSS, middle).drivetrain.gearbox_efficiency
     entries = MappingProxyType({"drivetrain.gearbox_efficiency": efficiency})
     new[CLASS] = Anchor(CLASS_LEVEL, CLASS_LOSS, entries, float(np.median(misses)))
+    new |= class_anchors(cars, figures, new[CLASS])
     for name in names:
         if not figures[name]:
             new[name] = new[CLASS]
@@ -135,6 +140,37 @@ def compute() -> tuple[dict[str, Anchor], list[Outcome]]:
         new[name] = Anchor("certification", ROAD_LOAD, road.entries, float(before.mean()))
         outcomes[name] = outcome(name, cars[name], done.vehicle, new[name], figures[name])
     return new, [outcomes[name] for name in names if name in outcomes]
+
+
+def class_anchors(
+    cars: Mapping[str, Vehicle], figures: Mapping[str, Sequence[CertifiedFigure]], common: Anchor
+) -> dict[str, Anchor]:
+    """Of each class, what is left of the certified consumption of its cars if only their few figures are known.
+
+    Each maker has one vote, in the mean and in the scatter, since cars of one maker are alike. A car's own coast-down takes no part.
+    """
+    known: dict[str, list[tuple[str, Vehicle, list[CertifiedFigure]]]] = {}
+    for name in table_names():
+        if figures.get(name):
+            body, maker = body_of(name), cars[name].title.split()[0]
+            car = described(known_of(name), body, without=(name,), anchor=common)
+            known.setdefault(class_of(body), []).append((maker, car, without_outliers(figures[name])))
+    new = {}
+    for group, members in sorted(known.items()):
+
+        def logs(
+            factor: float, members: Sequence[tuple[str, Vehicle, list[CertifiedFigure]]] = members
+        ) -> pd.Series:
+            each = [np.log1p(errors(with_road_load(car, factor), own)).mean() for _, car, own in members]
+            return pd.Series(each, index=[maker for maker, _, _ in members])
+
+        factor = brentq(lambda factor: logs(factor).groupby(level=0).mean().mean(), *FACTORS, xtol=1e-4)
+        votes = (logs(factor) ** 2).groupby(level=0).mean()
+        scatter = float(np.sqrt(votes.sum() / (len(votes) - 1.0)))
+        before = float(np.expm1(logs(1.0).groupby(level=0).mean().mean()))
+        entries = {"factor": factor, "scatter": scatter, "makers": float(len(votes))}
+        new[group] = Anchor(CLASS_LEVEL, ROAD_LOAD, MappingProxyType(entries), before)
+    return new
 
 
 def outcome(
@@ -161,7 +197,11 @@ def write_anchors(own: dict[str, Anchor]) -> None:
         out.writerow(["car", "level", "loss", "entry", "value", "unit", "before"])
         for name, anchor in sorted(own.items()):
             for key, value in anchor.entries.items():
-                figures = f"{value:.6g}", FIELDS[key].metadata["unit"], f"{anchor.before:.4f}"
+                figures = (
+                    f"{value:.6g}",
+                    FIELDS[key].metadata["unit"] if key in FIELDS else "1",
+                    f"{anchor.before:.4f}",
+                )
                 out.writerow([name, anchor.level, anchor.loss, key, *figures])
 
 

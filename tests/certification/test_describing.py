@@ -2,15 +2,25 @@
 
 import math
 
+import numpy as np
 import pytest
+from benchmarks.anchors import class_anchors, unanchored
+from tools.data.anchoring import certified_figures
 
 import tripwatt as tw
 from tripwatt.certification import certified_interval, describe_car
-from tripwatt.certification.consumption import charging_efficiency, driven_wh_per_km, schedule, wltp_test_mass
+from tripwatt.certification.consumption import (
+    OPEN,
+    charging_efficiency,
+    driven_wh_per_km,
+    schedule,
+    wltp_test_mass,
+)
 from tripwatt.certification.describing import usual_figures
 from tripwatt.errors import InvalidInput
 from tripwatt.vehicles import load_vehicle, render_vehicle
-from tripwatt.vehicles.catalogue import class_values, mass_range_kg
+from tripwatt.vehicles.anchors import CLASS, anchors, class_of
+from tripwatt.vehicles.catalogue import catalogue, class_values, mass_range_kg
 
 SIX = {
     "mass_kg": 1830.0,
@@ -64,8 +74,28 @@ def test_what_is_missing_is_that_of_a_usual_car() -> None:
     assert usual_figures("small")["mass_kg"] < usual_figures("sedan")["mass_kg"]
     classes = class_values()
     load = car.road_load
-    assert load.drag_area_m2 == pytest.approx(classes.drag_area_m2["suv"])
-    assert load.rolling_coefficients == pytest.approx((classes.rolling, classes.rolling_per_speed_s_m))
+    factor = anchors()[class_of("suv")].entries["factor"]
+    assert load.drag_area_m2 == pytest.approx(factor ** OPEN["air"] * classes.drag_area_m2["suv"])
+    rolling = np.array([classes.rolling, classes.rolling_per_speed_s_m])
+    assert load.rolling_coefficients == pytest.approx(factor ** OPEN["rolling"] * rolling)
+
+
+def test_vans_of_which_little_is_known_meet_their_certified_consumption_in_the_mean() -> None:
+    """Each maker has one vote; the committed factor closes the mean, and the scatter is what is left."""
+    vans = [name for name, row in catalogue().items() if "body" in row and row["body"][0].value == "van"]
+    cars = {name: unanchored(name) for name in vans}
+    figures = {name: certified_figures(name, car) for name, car in cars.items()}
+    found = class_anchors(cars, figures, anchors()[CLASS])[class_of("van")]
+    assert found.entries == pytest.approx(anchors()[class_of("van")].entries, rel=1e-4)
+    left: dict[str, list[float]] = {}
+    for name, car in cars.items():
+        power_kw = car.drivetrain.motor_max_power_w / 1000.0
+        same = describe_car(mass_kg=car.body.curb_mass_kg, motor_power_kw=power_kw, body="van")
+        error = math.log(10.0 * wltp(same) * charging_efficiency() / figures[name][0].wh_per_km)
+        left.setdefault(car.title.split()[0], []).append(error)
+    assert len(left) >= 4
+    assert abs(np.mean([np.mean(own) for own in left.values()])) < 0.01, left
+    assert describe_car(body="van").anchor == "class"
 
 
 def test_heavier_larger_and_stronger_cars_use_more() -> None:

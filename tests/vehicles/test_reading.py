@@ -271,7 +271,7 @@ def test_curves_of_the_library_are_of_their_own_cars() -> None:
     zoe = load_vehicle("renault_zoe_ze50_r135").charging
     assert zoe == Charging((0.0, 0.52, 0.8, 1.0), (41_000.0, 46_000.0, 27_000.0, 22_000.0), 22_000.0)
     known = [car for name in vehicle_names() if (car := load_vehicle(name)).charging is not None]
-    assert len(known) == 61
+    assert len(known) == 62
     for car in known:
         assert car.entries["charging.power_w"].licence == "MIT"
         assert 20_000.0 <= max(car.charging.power_w) <= 350_000.0

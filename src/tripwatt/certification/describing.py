@@ -16,6 +16,7 @@ import numpy as np
 from tripwatt.certification.consumption import (
     FACTORS,
     GEARBOX,
+    OPEN,
     ROAD_LOAD,
     CertifiedFigure,
     charging_efficiency,
@@ -31,7 +32,7 @@ from tripwatt.errors import Fault, InvalidInput, raise_faults
 from tripwatt.files import shipped_toml
 from tripwatt.trips.columns import Column, number_faults, require_fraction
 from tripwatt.vehicles import Vehicle, vehicle_from_document
-from tripwatt.vehicles.anchors import CLASS, REPEAT_SD, Anchor, anchors, with_anchor
+from tripwatt.vehicles.anchors import CLASS, REPEAT_SD, Anchor, anchors, class_of, with_anchor
 from tripwatt.vehicles.catalogue import (
     BODIES,
     LOADED_KG,
@@ -55,9 +56,6 @@ LABEL_SHARES: Final = {"udds": 0.55, "hwfet": 0.45}
 
 PROCEDURE_SD: Final = 0.05
 """Relative scatter of one procedure's figure about the other's: test masses, tyres and the factor of the label (0.7 to 0.75) differ."""
-
-VAN_SD: Final = 0.15
-"""Relative scatter of the drag area of vans: the table has no coast-down of a van, and vans are 1.8 to 2.0 m high."""
 
 TWIZY: Final = {"mass_kg": 474.0, "usable_battery_kwh": 6.1, "motor_power_kw": 13.0}
 """Figures of a usual quadricycle, which has no climate control: Renault, technical data of the Twizy 80."""
@@ -154,6 +152,7 @@ def described(
     procedure: str = "wltp",
     title: str | None = None,
     without: Collection[str] = (),
+    anchor: Anchor | None = None,
 ) -> Vehicle:
     """Make a car as `describe_car` does, with class values computed without some cars of the library.
 
@@ -165,6 +164,8 @@ def described(
         As for `describe_car`.
     without : collection of str
         Cars whose coast-down is left out of the class values.
+    anchor : Anchor, optional
+        What a car without a consumption has in common with all cars, in place of what cars of its kind of body have in common.
     """
     kind = _checked(given, body, heat_pump, procedure)
     mass_kg = given["mass_kg"]
@@ -178,11 +179,16 @@ def described(
     document = similar_document(figures, class_values(frozenset(without)))
     name = f"described_{zlib.crc32(repr((filled, given, kind, heat_pump, procedure)).encode()):08x}"
     try:
-        car = vehicle_from_document(with_anchor(document, anchors()[CLASS]), name, name)
+        car = vehicle_from_document(with_anchor(document, anchor or anchors()[CLASS]), name, name)
     except InvalidInput as error:
         raise InvalidInput([_in_figures(fault) for fault in error.faults]) from error
     consumption = given["consumption_kwh_per_100km"]
-    return car if consumption is None else _meeting(car, document, 10.0 * consumption, test)
+    if consumption is not None:
+        return _meeting(car, document, 10.0 * consumption, test)
+    if anchor is not None or kind == QUADRICYCLE:
+        return car
+    usual_of = anchors()[class_of(kind)]
+    return _closed(car, document, usual_of.entries["factor"], "class", usual_of.before)
 
 
 def _in_figures(fault: Fault) -> Fault:
@@ -297,8 +303,8 @@ def _certified(car: Vehicle, wh_per_km: float, procedure: str) -> list[Certified
 def _meeting(car: Vehicle, document: Mapping[str, Any], wh_per_km: float, procedure: str) -> Vehicle:
     """Return the car with a road load at which its simulated consumption is the given one."""
     figures = _certified(car, wh_per_km, procedure)
-    met = with_road_load(car, closing_factor(partial(with_road_load, car), figures, FACTORS))
-    left = float(errors(met, figures).mean())
+    factor = closing_factor(partial(with_road_load, car), figures, FACTORS)
+    left = float(errors(with_road_load(car, factor), figures).mean())
     if abs(left) > REPEAT_SD:
         raise InvalidInput.of(
             "consumption does not fit the car",
@@ -307,9 +313,14 @@ def _meeting(car: Vehicle, document: Mapping[str, Any], wh_per_km: float, proced
             f"{'at most' if left < 0.0 else 'at least'} {wh_per_km / 10.0 * (1.0 + left):.1f} kWh/100 km for its mass, power and body",
             "check the figures; consumption is in kWh/100 km at the wall",
         )
+    return _closed(car, document, factor, "certification", float(errors(car, figures).mean()))
+
+
+def _closed(car: Vehicle, document: Mapping[str, Any], factor: float, level: str, before: float) -> Vehicle:
+    """Return the car with its road load multiplied by a factor, which closes an error of the certified consumption."""
+    met = with_road_load(car, factor)
     entries = {key: cast(float, met.value(key)) for key in (*road_parts(car), GEARBOX)}
-    before = float(errors(car, figures).mean())
-    anchor = Anchor("certification", ROAD_LOAD, {**anchors()[CLASS].entries, **entries}, before)
+    anchor = Anchor(level, ROAD_LOAD, {**anchors()[CLASS].entries, **entries}, before)
     return vehicle_from_document(with_anchor(document, anchor), car.name, car.name)
 
 
@@ -355,10 +366,10 @@ def certified_interval(car: Vehicle, level: float = 0.9) -> ConsumptionInterval:
 
     Notes
     -----
-    If the consumption is unknown, rolling drag, air drag and the losses between wheel and battery are independent and scatter
-    as in the library's cars; the scatter between procedures comes on top. If the car was made to meet a consumption, only the
-    scatter between tests and between procedures is left. Cars of one maker are alike, so the scatter is known from as many cars
-    as there are makers: the logarithm of the consumption has a t distribution with one degree of freedom less.
+    If the consumption is unknown, its scatter is that of the library's cars about the cars of their kind of body, each described by its
+    few figures. If the car was made to meet a consumption, only the scatter between tests and between procedures is left. Cars of one
+    maker are alike, so each maker counts as one car: the logarithm of the consumption has a t distribution with one degree of freedom
+    less than there are makers.
 
     Examples
     --------
@@ -371,7 +382,8 @@ def certified_interval(car: Vehicle, level: float = 0.9) -> ConsumptionInterval:
 
     level = require_fraction("level", level)
     middle = _wltp_wh_per_km(car) / charging_efficiency() / 10.0
-    half = float(stdtrit(makers() - 1, 0.5 + 0.5 * level)) * _relative_sd(car)
+    sd, makers = _relative_sd(car)
+    half = float(stdtrit(makers - 1.0, 0.5 + 0.5 * level)) * sd
     return ConsumptionInterval(middle, middle * math.exp(-half), middle * math.exp(half))
 
 
@@ -379,34 +391,17 @@ def _wltp_wh_per_km(car: Vehicle, mass_factor: float = 1.0) -> float:
     return driven_wh_per_km(car, schedule("wltc"), mass_factor * wltp_test_mass(car.body.test_mass_kg))
 
 
-def _relative_sd(car: Vehicle) -> float:
+def _relative_sd(car: Vehicle) -> tuple[float, float]:
+    """Relative standard deviation of the certified consumption, and the number of makers that show it."""
+    cars, vans = (anchors()[class_of(kind)].entries for kind in ("suv", "van"))
     if car.anchor != "class":
-        return math.hypot(REPEAT_SD, PROCEDURE_SD)
-    classes = class_values()
-    base = _wltp_wh_per_km(car)
-    # errors of cars with a measured coast-down, which lie between wheel and battery
-    loss_sd = statistics.stdev(a.before for a in anchors().values() if a.level == "road_load")
-    parts = [loss_sd, PROCEDURE_SD, beyond_classes(car.body.curb_mass_kg)]
-    air_sd = classes.drag_area_sd
-    if car.road_load.drag_area_m2 == classes.drag_area_m2["van"]:
-        air_sd = math.hypot(air_sd, VAN_SD)
-    for part, sd in (("rolling", classes.rolling_sd), ("air", air_sd)):
-        keys = [key for key, kind in road_parts(car).items() if kind == part]
-        more = car.with_values({key: cast(float, car.value(key)) * (1.0 + _STEP) for key in keys})
-        parts.append(sd * (_wltp_wh_per_km(more) / base - 1.0) / _STEP)
+        return math.hypot(REPEAT_SD, PROCEDURE_SD), cars["makers"]
+    van_m2 = class_values().drag_area_m2["van"] * vans["factor"] ** OPEN["air"]
+    mine = vans if math.isclose(car.road_load.drag_area_m2, van_m2, rel_tol=1e-4) else cars
+    parts = [mine["scatter"], beyond_classes(car.body.curb_mass_kg)]
     if car.entries["body.curb_mass_kg"].licence != "user":
-        parts.append(_mass_sd() * (_wltp_wh_per_km(car, 1.0 + _STEP) / base - 1.0) / _STEP)
-    return float(np.linalg.norm(parts))
-
-
-_STEP: Final = 0.02
-
-
-@cache
-def makers() -> int:
-    """Count the makers of cars with a measured coast-down in the table."""
-    rows = catalogue().values()
-    return len({row["title"][0].value.split()[0] for row in rows if "title" in row and "coastdown_a" in row})
+        parts.append(_wltp_wh_per_km(car, 1.0 + _mass_sd()) / _wltp_wh_per_km(car) - 1.0)
+    return float(np.linalg.norm(parts)), mine["makers"]
 
 
 @cache

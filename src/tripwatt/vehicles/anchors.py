@@ -20,7 +20,7 @@ from tripwatt.arrays import by_key
 from tripwatt.vehicles.catalogue import class_values, entry, records, with_entries
 
 CLASS: Final = "*"
-"""Name of the rows that hold for cars without certified figures."""
+"""Name of the rows that all cars without certified figures have in common; those of a kind of body are named by `class_of`."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,7 +34,7 @@ class Anchor:
     loss : str
         Loss that was changed: "motor", "iron" or "gear" losses, or the "road load".
     entries : mapping of str to float
-        "section.key" -> value.
+        "section.key" -> value; those of a class see `class_of`.
     before : float
         Mean of simulated over certified consumption less one, without the entries.
     """
@@ -48,13 +48,13 @@ class Anchor:
     def reason(self) -> str:
         """Text for the field `estimated` of the entries: how their values were found."""
         if self.level == "class":
-            return f"median of the library's cars; before, their certified consumption was missed by {self.before:+.1%}"
+            return f"that of the library's cars; before, their certified consumption was missed by {self.before:+.1%}"
         return f"closes the mean error of the certified consumption, {self.before:+.1%} before ({self.loss})"
 
 
 @cache
 def anchors() -> Mapping[str, Anchor]:
-    """Return the anchor of each car by its name; `CLASS` is the name of the class.
+    """Return the anchor of each car by its name, and those of classes.
 
     Examples
     --------
@@ -67,6 +67,26 @@ def anchors() -> Mapping[str, Anchor]:
         about = rows[0]
         by_car[car] = Anchor(about["level"], about["loss"], entries, float(about["before"]))
     return types.MappingProxyType(by_car)
+
+
+def class_of(body: str) -> str:
+    """Return the name of the anchor of cars with a kind of body, of which only mass, power and battery are known.
+
+    Its entries are the `factor` of the road load at which such cars meet their certified consumption in the mean, the relative
+    `scatter` of single cars about that, and the number of `makers`, each with one vote.
+
+    Parameters
+    ----------
+    body : str
+        Kind of body, one of `BODIES`.
+
+    Examples
+    --------
+    >>> van, car = (anchors()[class_of(body)].entries["factor"] for body in ("van", "sedan"))
+    >>> van > car > 1.0
+    True
+    """
+    return CLASS + ("van" if body == "van" else "car")
 
 
 def with_anchor(document: Mapping[str, Any], anchor: Anchor | None) -> dict[str, Any]:
