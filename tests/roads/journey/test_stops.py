@@ -609,8 +609,15 @@ def test_unknown_heights_are_named_until_the_charge_covers_a_climb_in_mountains(
     )
     assert [each.plan.departure.terrain for each in (flat, steep)] == ["flat", "mountains"]
     assert np.diff(steep.interval(0.9)) > 1.5 * np.diff(flat.interval(0.9))
-    own = RoadForecaster(model, replace(COLD, terrain="hilly"), heights=KnownHeights(*places, np.zeros(30)))
-    assert own.forecast(road, "road").plan.climb is None
+    heights = KnownHeights(*places, rng.normal(400.0, 300.0, 30))
+    hilly, unknown, unsaid = (
+        RoadForecaster(model, replace(COLD, terrain=terrain), heights=heights).forecast(road, "road")
+        for terrain in ("hilly", "unknown", None)
+    )
+    assert hilly.plan.departure.terrain == "hilly", "what a driver says of the country"
+    assert hilly.plan.climb.climb_m == pytest.approx(unsaid.plan.climb.climb_m), "does not hide a known climb"
+    assert unknown.plan.departure == unsaid.plan.departure
+    assert unknown.energy_wh == unsaid.energy_wh
 
 
 def test_a_departure_below_the_reserve_is_named_and_exempts_the_first_leg(model):

@@ -271,12 +271,13 @@ def test_a_road_of_unknown_heights_into_the_mountains_is_not_promised(atlas: Atl
     )
     assert zoe.forecast.plan.departure.terrain == "mountains"
     assert plain.forecast.plan.departure.terrain == "flat"
-    assert zoe.verdict.p_arrive < 0.5 < plain.verdict.p_arrive == 0.99
+    assert zoe.verdict.p_arrive < 0.5
     assert not zoe.verdict.arrives
     assert 0.22 < zoe.soc_needed < 0.3
-    assert plain.soc_needed < 0.2
+    assert plain.verdict.p_arrive < 0.5, "whoever calls the country flat still climbs to Malbun"
+    assert not plain.verdict.arrives
     climb = zoe.forecast.plan.climb
     assert climb is not None
-    assert plain.forecast.plan.climb is None
+    assert plain.forecast.plan.climb.climb_m == pytest.approx(climb.climb_m)
     assert abs(climb.climb_m[-1] - 1150.0) < 2.0 * climb.sd_m[-1] < 200.0
     assert f"{round(climb.climb_m[-1]):,} m above the start" in journey_in_words(zoe)[0]

@@ -16,7 +16,7 @@ from tripwatt.physics import simulate_trip
 from tripwatt.roads.maps.heights import KnownHeights
 from tripwatt.roads.routers import Road
 from tripwatt.roads.weather import Weather, WeatherSource, forecast_sd, plan_with_weather, weather_along
-from tripwatt.trips import Departure, Plan
+from tripwatt.trips import TERRAINS, Departure, Plan
 from tripwatt.trips.weather import WIND_AT_CAR
 
 _MOTORWAY_CLASSES: Final = frozenset({"motorway", "motorway_link", "trunk"})
@@ -116,9 +116,10 @@ class RoadForecaster:
         road = with_expected_times(road, self.model)
         departure = replace(self.departure, **changed)
         plan = road.plan(trip_id).with_departure(departure)
-        if not plan.has_road and departure.terrain is None and self.heights is not None:
+        if not plan.has_road and self.heights is not None:
             climb = self.heights.climb(road.latitude_deg, road.longitude_deg, road.position_m)
-            plan = replace(plan, climb=climb).with_departure(Departure(terrain=self.heights.terrain))
+            terrain = self.heights.terrain if departure.terrain in (None, TERRAINS[0]) else departure.terrain
+            plan = replace(plan, climb=climb).with_departure(Departure(terrain=terrain))
         if self.weather is None or departure.has_weather:
             return self.change(plan), ()
         position, weather = weather_along(road, self.weather, self.departs_at)
