@@ -38,7 +38,7 @@ def made(soc: tuple[float, float, float, float], energy_wh: float = 2120.0, **mo
     plan = SimpleNamespace(departure=Departure(ambient_temperature_degc=-0.3))
     given = {
         "measured_until_s": 0.0,
-        "p_arrive": lambda reserve=0.0: 0.42,
+        "p_arrive": lambda reserve=0.0: 1.0 if low > 0.0 else 0.42,
         "climb_to": lambda reserve=0.0: None,
         "plan": plan,
         "along": SimpleNamespace(missing_wh=(0.0, 0.0, 0.0)),
@@ -81,6 +81,8 @@ def test_a_battery_that_may_not_last_is_told_with_its_probability() -> None:
         "Leaving with 5 % the battery is empty after 10 km (7 km or later): the trip takes 0.35 kWh (0.00 to 1.3 kWh) more "
         "than it holds. The probability to arrive is 42.0 %. At best you arrive with 2 %."
     ) in not_enough
+    beyond_a_pass = forecast_in_words(made((0.15, 0.06, 0.03, 0.08), p_arrive=lambda reserve=0.0: 0.667))
+    assert beyond_a_pass.endswith("you arrive with 6 % (3 to 8 %). The probability to arrive is 66.7 %.")
     certain = SimpleNamespace(missing_wh=(200.0, 350.0, 500.0), empty_at_m=(7_400.0, 9_600.0, 11_200.0))
     never = forecast_in_words(made((0.05, 0.0, 0.0, 0.0), p_arrive=lambda reserve=0.0: 1e-5, along=certain))
     assert "is empty after 10 km (7 to 11 km)" in never

@@ -73,7 +73,8 @@ def _arrival(forecast: tw.Forecast) -> str:
         )
         return f"{text} At best you arrive with {_percent(high)} %." if _percent(high) != "0" else text
     text = f"Leaving with {_percent(start)} % you arrive with {_percent(end)} % ({_percent(low)} to {_percent(high)} %)."
-    return f"{text} {arrives}" if low <= 0.0 else text
+    # the battery may be empty before the end: the interval of the charge at the end says nothing of that
+    return f"{text} {arrives}" if low <= 0.0 or forecast.p_arrive(0.0) < 0.95 else text
 
 
 def journey_in_words(journey: tw.Journey) -> list[str]:
