@@ -368,6 +368,12 @@ class LoggedClimate:
     def predict_climate(self, table: SegmentTable) -> np.ndarray:
         return np.full(len(table.hours), 50.0)
 
+    def predict_with_uncertainty(self, table: SegmentTable) -> tuple[np.ndarray, np.ndarray]:
+        return np.zeros(len(table.hours)), np.zeros((len(table.hours), 1))
+
+    def outside_factor(self, table: SegmentTable) -> np.ndarray:
+        return np.zeros((len(table.hours), 0))
+
 
 def car():
     usual = load_vehicle("bmw_i3_60ah")
@@ -691,6 +697,36 @@ def test_an_update_by_power():
     assert updated.soc_arrival == pytest.approx(START - updated.energy_wh / WH_PER_DISPLAY, **EXACT)
 
 
+class UnknownCar(LoggedClimate):
+    """A corrector whose car may differ by a share of the power, and by a load while it warms up."""
+
+    def predict_with_uncertainty(self, table: SegmentTable) -> tuple[np.ndarray, np.ndarray]:
+        warming = np.array([90.0, 30.0, 0.0])
+        return np.zeros(3), np.column_stack([0.1 * table.simulated_w, 5.0 * warming])
+
+
+@pytest.mark.parametrize("split", [False, True])
+def test_the_rest_has_what_is_learned_of_the_car_in_full(split):
+    start = departing(split)
+    start = dataclasses.replace(start, drive=dataclasses.replace(start.drive, corrector=UnknownCar()))
+    samples = powered(heating_power_w=800.0, aircon_power_w=50.0) if split else powered()
+    updated = start.update(samples)
+    process, segments = start.uncertainty.process, start.drive.segments
+    own = UnknownCar().predict_with_uncertainty(start.drive.table)[1]
+    own = own @ own.T / SD_FACTOR**2
+    whole = process.prior(segments).covariance_w2
+    left = 1.0 - segments.hours @ own @ segments.hours / (segments.hours @ whole @ segments.hours)
+    assert 0.2 < left < 0.98
+    others = left * process.prior(segments, "drive" if split else "joint").covariance_w2
+    seen_w2 = own[0, 0] + others[0, 0] + 1.0
+    share = updated.uncertainty.shrinkage.at("drive" if split else "joint", 1.0 / 6.0)
+    rest = (own[1:, 0] + share * others[1:, 0]) / seen_w2 * 900.0
+    np.testing.assert_allclose(updated.power_w[1:], start.power_w[1:] + rest, rtol=1e-9)
+    after = own + others - np.outer((own + others)[:, 0], (own + others)[:, 0]) / seen_w2
+    if not split:
+        np.testing.assert_allclose(updated.posterior.covariance_w2, after, atol=1e-6)
+
+
 def test_an_update_by_power_with_climate_control_beside_it():
     logged = powered(heating_power_w=1000.0, aircon_power_w=150.0)
     updated = departing(split=True).update(logged)
@@ -786,7 +822,7 @@ def test_an_update_by_charge():
     # steps of 0.01: the last change, to 0.475, lies half way between 40 and 60 s
     taken = 0.025 * WH_PER_SOC
     residual = taken * 72.0 - 3100.0
-    error_w2 = ((0.01 / NORMAL_SCALE * WH_PER_DISPLAY) ** 2 + (0.03 * taken) ** 2) * 72.0**2
+    error_w2 = ((0.01 / NORMAL_SCALE * WH_PER_DISPLAY) ** 2 + (0.03 * taken) ** 2) * 72.0**2 / SD_FACTOR**2
     first = BOTH_W2 + NOISE_W2[0] + CLIMATE_NOISE**2
     seen = first * residual / (first + error_w2)
     share = 0.2 + ONE_SIXTH * (0.5 - 0.2)

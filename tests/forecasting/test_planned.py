@@ -200,8 +200,12 @@ def test_a_late_car_has_the_rest_of_the_route_before_it(model, factor, waits_s):
         **dict.fromkeys(COMPONENTS, 0.0 * same), split_sd_factor=same, joint_sd_factor=same
     )
     before = model.forecast(plan)
+    # nothing is learned of the car either
+    scale = dataclasses.replace(
+        before.uncertainty.scale, values=before.uncertainty.scale.values * [1, 1, 1, 0]
+    )
     before = dataclasses.replace(
-        before, uncertainty=dataclasses.replace(before.uncertainty, shrinkage=nothing)
+        before, uncertainty=dataclasses.replace(before.uncertainty, shrinkage=nothing, scale=scale)
     )
     observed = late(plan, factor, waits_s, 4000.0)
     driven = np.concatenate(([0.0], np.cumsum(observed["speed_m_s"].to_numpy()[1:])))

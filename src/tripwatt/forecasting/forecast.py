@@ -758,7 +758,7 @@ def updated(forecast: Forecast, observed: Columns) -> Forecast:
     if contradicts_energy(anchor, samples, wh_per_charge):
         measured = replace(measured, anchor=None)
         flags.append(Flag("charge_contradicted", "displayed_soc", anchor.value if anchor else None, "1"))
-    posterior, factor = updated_power(drive, uncertainty, samples, measured, readings)
+    posterior, factor = updated_power(drive, uncertainty, samples, measured, readings, forecast.sd_factor)
     before_wh = forecast._departing_sd_wh
     forecast = replace(forecast, flags=tuple(flags), posterior=posterior, measured=measured)
     now_wh, rest_wh = (posterior.sd_wh(hours)[-1] for hours in (forecast.open_hours, _unread_hours(forecast)))

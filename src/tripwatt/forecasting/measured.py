@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from functools import lru_cache
 from typing import Final
 
 import numpy as np
@@ -29,6 +30,7 @@ from tripwatt.uncertainty import PowerPrior, ResidualPower, UncertaintyModel
 from tripwatt.uncertainty.charge import CAPACITY_SD, FULL, NORMAL_SCALE, ChargeScale
 from tripwatt.uncertainty.process import EXACT_W2, ResidualProcess
 from tripwatt.uncertainty.residual_power import PowerSum
+from tripwatt.uncertainty.scale import T_VARIANCE
 from tripwatt.uncertainty.shrinkage import is_off
 from tripwatt.units import SECONDS_PER_HOUR
 
@@ -410,21 +412,39 @@ def measured_energy(samples: Columns) -> FloatArray | None:
     return np.where(known | (bridged & pair), energy, np.nan)
 
 
+@lru_cache(maxsize=8)
+def _own_w(drive: ExpectedTrip, corrector_share: float) -> FloatArray:
+    """Power of each segment by independent terms of unit variance that are unknown of the car [W], shape (segments, any)."""
+    corrector_w = corrector_share * drive.corrector.predict_with_uncertainty(drive.table)[1]
+    outside_w = drive.corrector.outside_factor(drive.table) / math.sqrt(T_VARIANCE)
+    # smaller terms change no forecast by a tenth of a percent
+    left, sizes, _ = np.linalg.svd(np.column_stack([corrector_w, outside_w]), full_matrices=False)
+    return np.asarray((left * sizes)[:, sizes > 0.01 * sizes[0]])
+
+
 def updated_power(
     drive: ExpectedTrip,
     uncertainty: UncertaintyModel,
     samples: Columns,
     measured: Measured,
     readings: PowerReadings,
+    sd_factor: float,
 ) -> tuple[ResidualPower, float]:
     """Posterior of the residual power, and the factor by which its standard deviation is widened for the rest of the trip.
 
-    Climate control is updated separately if the samples have its power in all measured segments. O(segments).
+    Climate control is updated separately if the samples have its power in all measured segments. What the corrector does not know of
+    the car is the same on the whole trip, so that the rest has it in full, and only the remainder is shrunk. `sd_factor` is that of
+    the forecast, in whose units the residual power is. O(segments).
     """
     process, shrinkage = uncertainty.process, uncertainty.shrinkage
     if not len(readings.power_w):  # no segment was measured for long enough
         return process.prior(drive.segments), 1.0
     segments = drive.segments
+    prior, own_w = process.prior(segments), _own_w(drive, float(uncertainty.scale.values[3])) / sd_factor
+    own_share = np.linalg.norm(segments.hours @ own_w) / prior.sd_wh(segments.hours)[-1]
+    left = math.sqrt(max(1.0 - float(own_share) ** 2, 0.0))
+    if isinstance(readings, SpanReadings):
+        readings = replace(readings, covariance_w2=readings.covariance_w2 / sd_factor**2)
     ahead = drive.edges_s[1:] > measured.until_s + 1e-9
     fraction = min(measured.until_s / float(drive.edges_s[-1]), 1.0)
     residual = readings.power_w - readings.mean_of(drive.power_w)
@@ -433,11 +453,11 @@ def updated_power(
     needed = readings.touches(len(segments))
     expected = None if logged is None else drive.climate_w
     if logged is None or expected is None or not np.isfinite(logged[needed]).all():
-        joint = readings.condition(process.prior(segments), residual)
+        joint = readings.condition(prior.with_own(left, own_w), residual)
         return shrinkage.applied("joint", joint, ahead, fraction), shrinkage.sd_factor(False, fraction)
     seen = readings.mean_of(np.nan_to_num(logged - expected))
     climate = readings.condition(process.prior(segments, "climate"), process.limited(seen), exact=True)
-    driving = readings.condition(process.prior(segments, "drive"), residual - seen)
+    driving = readings.condition(process.prior(segments, "drive").with_own(left, own_w), residual - seen)
     if is_off(logged[needed], segments.step_s[needed]):
         off = PowerSum((climate,), np.where(ahead, -expected, climate.mean_w))
         climate = shrinkage.applied("off", off, ahead, fraction)

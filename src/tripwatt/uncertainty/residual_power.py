@@ -59,6 +59,8 @@ class PowerPrior:
         Terms that change slowly over the trip: a process of unit variance, its size [W] in each segment and its correlation time [s].
     new_w2 : ndarray, shape (segments,)
         Variance of the independent part of each segment [W²].
+    own : int
+        How many of the last terms of `constant_w` are what is unknown of the car.
 
     Examples
     --------
@@ -79,6 +81,7 @@ class PowerPrior:
     constant_w: FloatArray
     drifts: tuple[tuple[FloatArray, float], ...]
     new_w2: FloatArray
+    own: int = 0
 
     @classmethod
     def from_components(
@@ -119,6 +122,31 @@ class PowerPrior:
         )
         new = sum(((part.noise * noise) ** 2 for part, _, noise in parts), np.zeros(n))
         return cls(time_s, np.column_stack(columns) if columns else np.zeros((n, 0)), drifts, new)
+
+    def with_own(self, share: float, own_w: FloatArray) -> PowerPrior:
+        """Make the distribution of a trip of which more is unknown, since the car is.
+
+        Parameters
+        ----------
+        share : float
+            Factor of the present standard deviations [1].
+        own_w : ndarray, shape (segments, any)
+            Loadings of independent terms of unit variance that are unknown of the car [W].
+
+        Returns
+        -------
+        PowerPrior
+            Distribution with these terms last.
+
+        Examples
+        --------
+        >>> prior = PowerPrior(np.array([30.0, 90.0]), np.full((2, 1), 100.0), (), np.full(2, 400.0))
+        >>> prior.with_own(0.5, np.full((2, 1), 30.0)).times(np.eye(2)).tolist()
+        [[3500.0, 3400.0], [3400.0, 3500.0]]
+        """
+        constant_w = np.column_stack([share * self.constant_w, own_w])
+        drifts = tuple((share * size_w, fading_s) for size_w, fading_s in self.drifts)
+        return PowerPrior(self.time_s, constant_w, drifts, share**2 * self.new_w2, own_w.shape[1])
 
     @property
     def mean_w(self) -> FloatArray:
@@ -210,7 +238,7 @@ class PowerPrior:
         mean[: last + 1] += self.new_w2[: last + 1] * weight * (observed - mean)[: last + 1]
         for drift, value in zip(self.drifts, drift_values[last], strict=True):
             mean[last + 1 :] += _carried(self.time_s, drift, last)[last + 1 :] * value
-        return MeasuredPower(self, is_seen, error_w2, mean, solve, X, covariance)
+        return MeasuredPower(self, is_seen, error_w2, mean, constants, solve, X, covariance)
 
     def averaged(self, weights: FloatArray, power_w: FloatArray, errors_w2: FloatArray) -> AveragedPower:
         """Condition the distribution on measured means over segments. O(segments x readings²).
@@ -235,7 +263,9 @@ class PowerPrior:
         total = weights @ cross + errors_w2
         lower = np.linalg.cholesky(total)
         factor = solve_triangular(lower, cross.T, lower=True).T
-        return AveragedPower(self, factor @ solve_triangular(lower, power_w, lower=True), factor)
+        white = solve_triangular(lower, power_w, lower=True)
+        constants = (weights @ self.constant_w).T @ solve_triangular(lower, white, lower=True, trans=1)
+        return AveragedPower(self, factor @ white, constants, factor)
 
 
 def fading_sums(time_s: FloatArray, values: FloatArray, fading_s: float) -> FloatArray:
@@ -260,7 +290,7 @@ def drift_variance(time_s: FloatArray, weight: FloatArray, fading_s: float) -> F
 class MeasuredPower:
     """Distribution of the residual power after the power of some segments was measured.
 
-    The unknowns are the constants and, up to the last measured segment, the drifts. `solve` solves with the band of the drifts'
+    `constants` is the mean of the constants. The unknowns are the constants and, up to the last measured segment, the drifts. `solve` solves with the band of the drifts'
     precision, `X` is its solution for the border, and `constant_covariance` is the posterior covariance of the constants.
     """
 
@@ -268,6 +298,7 @@ class MeasuredPower:
     seen: BoolArray
     variance_w2: FloatArray
     mean_w: FloatArray
+    constants: FloatArray
     solve: Callable[[FloatArray], FloatArray]
     X: FloatArray
     constant_covariance: FloatArray
@@ -324,12 +355,15 @@ class AveragedPower:
         Distribution before the measurements.
     mean_w : ndarray, shape (segments,)
         Mean after the measurements [W].
+    constants : ndarray, shape (terms,)
+        Mean of the terms that are constant over the trip.
     factor_w : ndarray, shape (segments, readings)
         The covariance is that of the prior minus ``factor_w @ factor_w.T``.
     """
 
     prior: PowerPrior
     mean_w: FloatArray
+    constants: FloatArray
     factor_w: FloatArray
 
     @property
@@ -375,6 +409,26 @@ class PowerSum:
 ResidualPower = PowerPrior | MeasuredPower | AveragedPower | PowerSum
 """Distribution of a trip's residual power: before departure, and after measurements. Each has the mean `mean_w` of each segment [W],
 their covariance `covariance_w2` [W²], and `sd_wh(hours)`, the standard deviation of the cumulative energy [Wh]."""
+
+
+def own_mean_w(posterior: ResidualPower) -> FloatArray | float:
+    """The part of `mean_w` by what was learned of the car [W], shape (segments,); 0 if the prior has no terms of the car.
+
+    Parameters
+    ----------
+    posterior : ResidualPower
+
+    Examples
+    --------
+    >>> prior = PowerPrior(np.array([30.0, 90.0]), np.full((2, 1), 30.0), (), np.full(2, 400.0))
+    >>> after = prior.with_own(1.0, np.full((2, 1), 40.0)).measured(np.array([0]), np.array([29.0]), np.zeros(1))
+    >>> own_mean_w(after).round(6).tolist(), after.mean_w.round(6).tolist(), own_mean_w(prior)
+    ([16.0, 16.0], [29.0, 25.0], 0.0)
+    """
+    if isinstance(posterior, PowerPrior | PowerSum) or not posterior.prior.own:
+        return 0.0
+    own = slice(-posterior.prior.own, None)
+    return np.asarray(posterior.prior.constant_w[:, own] @ posterior.constants[own])
 
 
 def _carried(time_s: FloatArray, drift: tuple[FloatArray, float], last: int) -> FloatArray:

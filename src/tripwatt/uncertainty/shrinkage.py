@@ -11,7 +11,7 @@ import numpy as np
 from tripwatt.arrays import BoolArray, FloatArray
 from tripwatt.uncertainty.conformal import ConformalScores
 from tripwatt.uncertainty.process import EXACT_W2, HeldOutResidual, ResidualProcess
-from tripwatt.uncertainty.residual_power import PowerPrior, PowerSum, ResidualPower
+from tripwatt.uncertainty.residual_power import PowerPrior, PowerSum, ResidualPower, own_mean_w
 
 FRACTIONS: Final = (0.1, 0.25, 0.375, 0.5, 0.75, 0.9)
 """Measured fractions of a trip for which shares are estimated; a choice. Between the fractions shares are linear."""
@@ -159,7 +159,7 @@ class UpdateShrinkage:
     def applied(
         self, component: str, posterior: ResidualPower, ahead: BoolArray, fraction: float
     ) -> ResidualPower:
-        """Shrink the mean of every segment that is at least partly still to come.
+        """Shrink the mean of every segment that is at least partly still to come, but for what was learned of the car.
 
         Parameters
         ----------
@@ -187,8 +187,8 @@ class UpdateShrinkage:
         >>> (shrunk.mean_w / after.mean_w).round(3).tolist()
         [1.0, 0.5]
         """
-        kept = np.where(ahead, self.at(component, fraction), 1.0)
-        return PowerSum((posterior,), posterior.mean_w * kept)
+        kept, own_w = np.where(ahead, self.at(component, fraction), 1.0), own_mean_w(posterior)
+        return PowerSum((posterior,), own_w + (posterior.mean_w - own_w) * kept)
 
 
 def _off_share(off: FloatArray, not_drawn: FloatArray, scale_wh: FloatArray) -> float:
