@@ -20,6 +20,7 @@ from tripwatt.forecasting.measured import (
     read_measured,
     since_departure,
 )
+from tripwatt.routes import route_from_links
 from tripwatt.trips import Plan
 from tripwatt.uncertainty.charge import NORMAL_SCALE, ChargeScale
 
@@ -357,6 +358,12 @@ class TestDeparture:
             InvalidInput, match=r"measured after the trip.*got 91 to 95 s; allowed: 60 to 90 s"
         ):
             departed(self.readings(91.0, 95.0), self.plan)
+
+    def test_a_planned_route_may_begin_late_but_not_by_another_clock(self) -> None:
+        planned = route_from_links([{"length_m": 900.0, "speed_m_s": 15.0}]).plan()
+        assert departed(self.readings(3600.0, 3700.0), planned)["time_s"].tolist() == [3600.0, 3700.0]
+        with pytest.raises(InvalidInput, match=r"measured after the trip.*got 1.7e\+09"):
+            departed(self.readings(1.7e9, 1.7e9 + 60.0), planned)
 
     def accelerating(self, sign: float, own_speed: bool = True):
         """1500 kg between 10 and 20 m/s for ten minutes."""

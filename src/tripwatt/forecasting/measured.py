@@ -49,6 +49,8 @@ MIN_COVER: Final = 0.8
 """Share of a segment that has to be measured before its power is used: power changes with every change of speed, so a
 part of a segment is a poor estimate of the rest."""
 FILL_S: Final = 5.0
+LATE_S: Final = 86_400.0
+"""Time after the end of a planned route at which its first sample may be, since a car may be late; later times are of another clock."""
 DRIVEN_S: Final = "driven_s"
 """Column with the time by the car's own clock; `time_s` is then by the plan's clock."""
 
@@ -309,12 +311,11 @@ def since_departure(observed: Columns, plan: Plan) -> Columns:
     if first - start < 0.0:
         allowed = f"{start:g} s or later"
         raise InvalidInput.of("measured before departure", f"{WHERE}, time_s", f"{first:g} s", allowed)
-    if plan.link_m is None:
-        end = start + plan.duration_s if plan.end_s is None else plan.end_s
-        if first > end:
-            got, allowed = f"{first:g} to {last:g} s", f"{start:g} to {end:g} s"
-            fix = "give times on the clock of the trip"
-            raise InvalidInput.of("measured after the trip", f"{WHERE}, time_s", got, allowed, fix)
+    end = start + plan.duration_s if plan.end_s is None else plan.end_s
+    if first > end + (0.0 if plan.link_m is None else LATE_S):
+        got, allowed = f"{first:g} to {last:g} s", f"{start:g} to {end:g} s"
+        fix = "give times on the clock of the trip"
+        raise InvalidInput.of("measured after the trip", f"{WHERE}, time_s", got, allowed, fix)
     samples = {**observed, "time_s": given - start}
     _require_sign(samples, plan)
     return samples
