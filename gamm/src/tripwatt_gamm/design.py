@@ -15,7 +15,6 @@ import pandas as pd
 from tripwatt_gamm.arrays import FloatArray, Index
 from tripwatt_gamm.covariates import (
     EXACT_ROWS,
-    MAX_JOINT,
     Coverage,
     Levels,
     Points,
@@ -41,7 +40,7 @@ MAX_SIZE_RATIO = 1e4
 """Largest ratio of the root mean squares of two correlated effects' columns: beyond its square, 1e8, their penalties are
 parallel to working precision."""
 
-MANY_LEVELS = 200
+MANY_LEVELS = 24
 """Levels from which a random effect is eliminated level by level: a choice, because below it one dense matrix is as fast."""
 
 
@@ -142,12 +141,6 @@ class _Piece:
         first, table = self.fitted.start, None if eliminated else self.table
         columns = np.arange(first, first + self.fitted.size, dtype=np.intp)[self.part]
         return IndexedColumns(columns, table, self.index, self.scale)
-
-    @property
-    def is_indicator(self) -> bool:
-        """Whether the columns are indicators of levels, or the intercept."""
-        fitted = self.fitted
-        return self.scale is None and (fitted.kind == "random" or bool(fitted.contrasts) or not fitted.term)
 
 
 @dataclass
@@ -334,32 +327,14 @@ class _Builder:
             fitted.start, fitted.training, fitted.extrapolation = start, training, self.extrapolation
             start += fitted.size
         eliminated = self._large(self.terms[-1]) if self.terms else ()
-        rows = TableRows(self._parts(eliminated), len(self.frame), start)
+        parts = [piece.indexed(self._large(piece.fitted) == eliminated != ()) for piece in self.pieces]
+        rows = TableRows(parts, len(self.frame), start)
         return Design(self.formula, self.terms, rows, training, self.notes, [], self.coverage)
 
     def _large(self, fitted: FittedTerm) -> tuple[object, ...]:
         """Number and columns of the levels of a random effect that has so many that they may be eliminated."""
         large = fitted.kind == "random" and fitted.copies >= MANY_LEVELS and self.eliminate
         return (fitted.copies, fitted.groups) if large else ()
-
-    def _parts(self, eliminated: tuple[object, ...]) -> list[IndexedColumns]:
-        """All parts of X: indicators of few joint levels are merged, those of the large effects `eliminated` have no table."""
-        large = [piece for piece in self.pieces if eliminated and self._large(piece.fitted) == eliminated]
-        pieces = [piece for piece in self.pieces if piece not in large]
-        indicators = [piece for piece in pieces if piece.is_indicator]
-        parts = [piece.indexed() for piece in pieces if not piece.is_indicator]
-        parts += [piece.indexed(eliminated=True) for piece in large]
-        if not indicators:
-            return parts
-        code = np.zeros(len(self.frame), dtype=np.int64)
-        for piece in indicators:
-            code = pd.factorize(code * len(piece.table) + piece.index)[0]
-        _, first = np.unique(code, return_index=True)
-        if len(first) > MAX_JOINT:
-            return parts + [piece.indexed() for piece in indicators]
-        table = np.hstack([piece.table[piece.index[first]] for piece in indicators])
-        columns = np.concatenate([piece.indexed().columns for piece in indicators])
-        return [*parts, IndexedColumns(columns, table, code.astype(np.intp), None)]
 
 
 def build_design(
