@@ -21,6 +21,9 @@ from tripwatt_gamm.arrays import FloatArray
 MAX_KNOTS = 2000
 """Largest number of distinct points from which a thin plate eigenbasis is built: that of mgcv."""
 
+CACHED_ROWS = 128
+"""Number of rows whose radial functions are formed at a time: a choice, because those of more rows leave the cache."""
+
 
 @dataclass(frozen=True)
 class PSpline:
@@ -159,8 +162,8 @@ class ThinPlate:
         centred = x - self.shift
         columns = np.empty((len(x), self.k))
         radial_columns = self.loadings.shape[1]
-        for start in range(0, len(x), 4096):
-            rows = slice(start, start + 4096)
+        for start in range(0, len(x), CACHED_ROWS):
+            rows = slice(start, start + CACHED_ROWS)
             columns[rows, :radial_columns] = _radial(centred[rows], self.knots, self.order) @ self.loadings
         columns[:, radial_columns:] = _polynomials(centred, self.order)
         columns /= self.scale
@@ -191,7 +194,7 @@ def _radial(x: FloatArray, knots: FloatArray, order: int) -> FloatArray:
     constant = (-1) ** (order + 1 + d // 2) / (
         2 ** (2 * order - 1) * math.pi ** (d / 2) * math.factorial(order - 1) * math.factorial(order - d // 2)
     )
-    logarithm = np.log(np.where(square > 0, square, 1.0))
+    logarithm = np.log(np.maximum(square, 1e-300))
     return np.asarray(constant / 2 * square ** (power // 2) * logarithm)
 
 
