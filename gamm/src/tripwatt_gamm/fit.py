@@ -126,7 +126,7 @@ def gaussian_score(
     freedom = data.n - stack.null_dim
     penalised = max(penalised, 1e-14 * data.square + 1e-300)
     phi = penalised / freedom if scale is None else scale
-    log_s, log_s1, log_s2 = stack.log_determinant(rho, derivatives)
+    log_s, log_s1, log_s2 = stack.log_determinant(rho)
     value = (
         penalised / (2 * phi)
         + freedom / 2 * math.log(2 * math.pi * phi)

@@ -109,7 +109,7 @@ class LaplaceModel:
 
     def score(self, x: FloatArray, mode: Mode) -> float:
         """Compute the score at a mode."""
-        log_s = self.stack.log_determinant(self.split(x)[0], False)[0]
+        log_s = self.stack.log_determinant(self.split(x)[0])[0]
         constant = self.stack.null_dim / 2 * math.log(2 * math.pi)
         return mode.value + (mode.factor.log_determinant - log_s) / 2 - constant
 

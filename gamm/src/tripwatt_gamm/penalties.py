@@ -81,20 +81,25 @@ class PenaltyBlock:
             roots.append(np.sqrt(values[positive])[:, None] * W[:, positive].T)
         return cls(start, stop, copies, rank, vectors, in_range, roots, sizes)
 
-    def log_determinant(
-        self, rho: FloatArray, derivatives: bool = True
-    ) -> tuple[float, FloatArray, FloatArray]:
-        """Return log|S|+, its gradient and its Hessian in the log smoothing parameters `rho` of the block; zeros without `derivatives`.
+    @cached_property
+    def log_single(self) -> float:
+        """Log determinant of the only penalty of one copy."""
+        return float(np.linalg.slogdet(self.matrices[0])[1])
+
+    def log_determinant(self, rho: FloatArray) -> tuple[float, FloatArray, FloatArray]:
+        """Return log|S|+, its gradient and its Hessian in the log smoothing parameters `rho` of the block.
 
         The QR decomposition of the stacked, sorted square roots is stable under scaling of rows.
         """
-        n, order = self.copies, np.argsort(-rho)
+        n = self.copies
+        if len(rho) == 1:
+            value = n * (self.rank * float(rho[0]) + self.log_single)
+            return value, np.full(1, float(n * self.rank)), np.zeros((1, 1))
+        order = np.argsort(-rho)
         stacked = np.vstack([np.exp(rho[j] / 2) * self.roots[j] for j in order])
         # much faster than through `scipy.linalg.qr` for matrices of this size
         R, _, tau, *_ = lapack.dgeqp3(stacked)
         value = 2 * n * float(np.log(np.abs(np.diag(R))).sum())
-        if not derivatives:
-            return value, np.zeros(len(rho)), np.zeros((len(rho), len(rho)))
         Q = lapack.dorgqr(R[:, : len(tau)], tau)[0]
         # the rows of Q that belong to penalty j give lambda_j S_j in the basis in which the sum is the identity
         ends = np.cumsum([0, *(len(self.roots[j]) for j in order)]).tolist()
@@ -188,6 +193,17 @@ class PenaltyStack:
         self.size = len(self.penalties)
         self.null_dim = p - sum(block.copies * block.rank for block in blocks)
 
+    @cached_property
+    def diagonals(self) -> FloatArray | None:
+        """Diagonals of the penalties, as the columns of (p, M); None if a penalty is not diagonal."""
+        columns = np.zeros((self.p, self.size))
+        for j, penalty in enumerate(self.penalties):
+            diagonal = np.diag(penalty.matrix)
+            if np.count_nonzero(penalty.matrix) > np.count_nonzero(diagonal):
+                return None
+            columns[penalty.where, j] = np.repeat(diagonal, penalty.copies)
+        return columns
+
     @property
     def n_loadings(self) -> int:
         """Number of loadings: parameters of correlation, in which the penalties are not linear."""
@@ -241,27 +257,30 @@ class PenaltyStack:
 
     def add_to(self, gram: Gram, rho: FloatArray) -> Gram:
         """Add the penalties with log smoothing parameters `rho`; return the sum."""
-        corner = gram.corner.copy()
-        for penalty, r in zip(self.penalties, rho, strict=True):
-            if penalty.where.start < len(corner):
-                corner[penalty.where, penalty.where] += np.exp(r) * penalty.full
+        corner, d = gram.corner.copy(), len(gram.corner)
+        if (diagonals := self.diagonals) is not None:
+            corner.flat[:: d + 1] += (diagonals @ np.exp(rho))[:d]
+        else:
+            for penalty, r in zip(self.penalties, rho, strict=True):
+                if penalty.where.start < d:
+                    corner[penalty.where, penalty.where] += np.exp(r) * penalty.full
         levels = self._of_levels(rho, gram.blocks).sum(axis=0)
         return Gram(corner, gram.border, gram.blocks + levels[:, :, None])
 
-    def log_determinant(
-        self, rho: FloatArray, derivatives: bool = True
-    ) -> tuple[float, FloatArray, FloatArray]:
-        """Return log|S|+, its gradient (M,) and its Hessian (M, M) in `rho`; zeros without `derivatives`."""
+    def log_determinant(self, rho: FloatArray) -> tuple[float, FloatArray, FloatArray]:
+        """Return log|S|+, its gradient (M,) and its Hessian (M, M) in `rho`."""
         ends = np.cumsum([len(block.matrices) for block in self.blocks], dtype=np.intp)
         value, gradient, hessian, start = 0.0, np.zeros(self.size), np.zeros((self.size, self.size)), 0
         for block, end in zip(self.blocks, ends.tolist(), strict=True):
             own, start = slice(start, end), end
-            part, gradient[own], hessian[own, own] = block.log_determinant(rho[own], derivatives)
+            part, gradient[own], hessian[own, own] = block.log_determinant(rho[own])
             value += part
         return value, gradient, hessian
 
     def products(self, rho: FloatArray, beta: FloatArray) -> FloatArray:
         """Return lambda_j S_j beta for every penalty j, as the columns of (p, M)."""
+        if (diagonals := self.diagonals) is not None:
+            return np.asarray(diagonals * np.exp(rho) * beta[:, None])
         columns = np.zeros((self.p, self.size))
         for j, (penalty, r) in enumerate(zip(self.penalties, rho, strict=True)):
             columns[penalty.where, j] = np.exp(r) * penalty.times(beta[penalty.where])
@@ -270,6 +289,9 @@ class PenaltyStack:
     def traces(self, rho: FloatArray, factor: Factor) -> tuple[FloatArray, FloatArray]:
         """Return lambda_j tr(K S_j) as (M,) and lambda_i lambda_j tr(K S_i K S_j) as (M, M) of the inverse K = `factor`."""
         root, E = factor.root, factor.blocks
+        if (diagonals := self.diagonals) is not None and self.p <= 2 * root.shape[1]:
+            K, weights = factor.dense(), diagonals * np.exp(rho)
+            return np.diag(K) @ weights, weights.T @ (K * K) @ weights
         inner = np.zeros((self.size, root.shape[1], root.shape[1]))
         for j, (penalty, r) in enumerate(zip(self.penalties, rho, strict=True)):
             own = root[penalty.where]
