@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from typing import ClassVar, NamedTuple
 
 import numpy as np
-from scipy.special import betaln, digamma, expit, gammaln, logit, polygamma, xlogy
+from scipy.special import betaln, digamma, expit, gammaln, logit, xlogy, zeta
 
 from tripwatt_gamm.arrays import BoolArray, FloatArray, Index
 
@@ -524,7 +524,7 @@ class ScaledT(Family):
         half = np.array([(nu + 1) / 2, nu / 2])
         constant = float(np.subtract(*gammaln(half))) - math.log(math.pi * nu) / 2 - theta[1]
         slope = float(np.subtract(*digamma(half))) / 2 - 1 / (2 * nu)
-        bend = float(np.subtract(*polygamma(1, half))) / 4 + 1 / (2 * nu**2)
+        bend = float(np.subtract(*zeta(2, half))) / 4 + 1 / (2 * nu**2)
         in_nu = n * slope - logs / 2 + (nu + 1) * first / (2 * nu)
         in_nu2 = n * bend + first / nu - (nu + 1) * (spread + first) / (2 * nu**2)
         gradient = np.array([excess * in_nu, (nu + 1) * first - n])

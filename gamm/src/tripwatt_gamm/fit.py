@@ -157,13 +157,14 @@ def newton_step(
     step = np.zeros_like(x)
     if not free.any():
         return step
-    H, g = hessian[np.ix_(free, free)], gradient[free]
-    d = np.sqrt(np.maximum(np.abs(np.diag(H)), 1e-10 * max(float(np.abs(np.diag(H)).max()), 1e-300)))
-    values, vectors = np.linalg.eigh(H / np.outer(d, d))
+    H, g = hessian[free][:, free], gradient[free]
+    size = np.abs(H.diagonal())
+    d = np.sqrt(np.maximum(size, 1e-10 * max(float(size.max()), 1e-300)))
+    values, vectors = np.linalg.eigh(H / (d * d[:, None]))
     values = np.maximum(np.abs(values), 1e-4)
     move = -(vectors @ ((vectors.T @ (g / d)) / values)) / d
-    step[free] = np.clip(move, -5.0, 5.0)
-    return np.clip(x + step, lower, upper) - x
+    step[free] = np.minimum(np.maximum(move, -5.0), 5.0)
+    return np.asarray(np.minimum(np.maximum(x + step, lower), upper) - x)
 
 
 def minimise(
