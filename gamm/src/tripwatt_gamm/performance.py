@@ -93,7 +93,7 @@ class PerformanceIteration:
         def objective(x: FloatArray) -> Value:
             full[free] = x
             value, gradient, hessian = family.objective(residual, full)
-            return value, gradient[free], hessian[np.ix_(free, free)]
+            return value, gradient[free], hessian[free][:, free]
 
         if free.any():
             low, high = family.bounds[:, free]
@@ -108,9 +108,10 @@ class PerformanceIteration:
         """
         (beta, rho, theta), n = np.split(state, [self.stack.p, -2]), self.rows.n
         eta = self.rows.predictor(self.stack.rotate(beta, back=True))
-        theta = self._theta(self.y - eta, theta)
-        c = self._weight(theta)
-        g = self.family.derivatives(Response.of(self.y), eta, theta)[1]
+        residual = self.y - eta
+        theta = self._theta(residual, theta)
+        c, (nu, sigma) = self._weight(theta), self.family.shape(theta)
+        g = (nu + 1) * residual / (residual**2 + nu * sigma**2)
         gram, z = self.data.gram * c, g / c + eta
         cross = gram @ beta + self.stack.rotate(self.rows.rmatvec(g))
         normal = NormalEquations(gram, cross, c * float(z @ z), n)
@@ -122,7 +123,6 @@ class PerformanceIteration:
             beta, rho = self._smooth(normal, current, rho, limits, near)
             curvature = np.sqrt(np.maximum(np.diag(current.hessian), 1e-8))
         diagonal = 1 / np.sqrt(np.maximum(current.factor.diagonal, 1e-300))
-        nu = self.family.shape(theta)[0]
         excess = 0.0 if nu - self.family.min_df < AT_BOUND else 1.0 if nu < 50 else 0.1
         weights = np.concatenate([diagonal, curvature, np.sqrt(n) * np.array([excess, 1.0])])
         return Pass(np.concatenate([beta, rho, theta]), weights, normal)
