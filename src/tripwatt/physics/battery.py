@@ -65,8 +65,8 @@ def internal_resistance(soc: FloatArray, temperature_degc: FloatArray, battery: 
     table = battery.cells_in_series * _between(soc, battery.resistance_soc, battery.resistance_ohm)
     scale = battery.resistance_activation_energy_j_mol / MOLAR_GAS_CONSTANT_J_MOL_K
     reference = battery.resistance_temperature_degc + ZERO_CELSIUS_K
-    inverse_k = 1.0 / (temperature_degc + ZERO_CELSIUS_K)
-    return np.asarray(table * np.exp(scale * (inverse_k - 1.0 / reference)), dtype=np.float64)
+    exponent = scale / (temperature_degc + ZERO_CELSIUS_K) - scale / reference
+    return np.asarray(table * np.exp(exponent), dtype=np.float64)
 
 
 def battery_current(power_w: FloatArray, ocv_v: FloatArray, resistance_ohm: FloatArray) -> FloatArray:
@@ -146,7 +146,7 @@ def shift(initial: PerTrip, values: FloatArray) -> FloatArray:
 
 
 def kept_charge(gains: FloatArray, room: PerTrip) -> tuple[FloatArray, FloatArray]:
-    """Sum the gains of charge without exceeding `room`, and return this sum and the refused part of each gain. O(samples).
+    """Sum the gains of charge without exceeding `room`, and return this sum and the refused part of each gain, or one 0. O(samples).
 
     The charge refused up to an interval is the largest excess of the unlimited sum over `room` up to there (Skorokhod reflection).
 
@@ -157,7 +157,7 @@ def kept_charge(gains: FloatArray, room: PerTrip) -> tuple[FloatArray, FloatArra
     """
     free = gains.cumsum(axis=-1)
     if (free.max(axis=-1, keepdims=True) <= room).all():
-        return free, np.zeros_like(free)
+        return free, np.zeros_like(room)
     lost = np.maximum.accumulate(np.maximum(free - room, 0.0), axis=-1)
     return free - lost, lost - shift(0.0, lost)
 
@@ -225,14 +225,14 @@ def discharge(
         wanted = battery_current(power_w, ocv, resistance)
         if limited:
             wanted = np.where(power_w > bound, power_w / lowest_voltage(ocv, floor_v), wanted)
-        gained, refused = kept_charge(-wanted * per_step, room)
+        gained, refused = kept_charge(wanted * -per_step, room)
         spills = bool(refused.any())
         current = wanted + refused / np.maximum(per_step, TINY) if spills else wanted
         new_soc = initial_soc + gained
-        voltage = ocv - current * resistance
+        drop = current * resistance
         if limited:
-            voltage = np.where(power_w > bound, lowest_voltage(ocv, floor_v), voltage)
-        heat = current * (ocv - voltage)
+            drop = np.where(power_w > bound, ocv - lowest_voltage(ocv, floor_v), drop)
+        heat = current * drop
         if cools:
             warmed = warming.solve(initial_temperature_degc, ambient_temperature_degc + heat / loss)
         else:
@@ -243,13 +243,13 @@ def discharge(
         if settled.all():
             break
         soc, temperature = np.where(settled, soc, new_soc), np.where(settled, temperature, warmed)
-    power = np.where(refused > 0.0, voltage * current, power_w) if spills else power_w
+    power = np.where(refused > 0.0, (ocv - drop) * current, power_w) if spills else power_w
     return BatteryRun(
         power_w=power,
         refused_power_w=power - power_w,
         current_a=current,
         open_circuit_power_w=ocv * current,
-        terminal_voltage_v=voltage,
+        terminal_voltage_v=ocv - drop,
         soc=new_soc,
         temperature_degc=warmed,
         voltage_floor=power_w > bound,
