@@ -20,7 +20,7 @@ from tripwatt.trips import Plan, Recorded
 from tripwatt.units import WH_PER_J
 from tripwatt.vehicles import Vehicle
 
-CHUNK_SAMPLES: Final = 32_768
+CHUNK_SAMPLES: Final = 16_384
 """Samples that go through the chain at once, few enough for their arrays to stay in the processor's cache."""
 
 
