@@ -25,9 +25,7 @@ SAFE_METHODS: Final = frozenset({"GET", "HEAD", "OPTIONS"})
 WORDS: Final[Mapping[str, Any]] = shipped_toml("server/http/words.toml")
 """Texts of the service."""
 
-TITLES: Final[Mapping[str, tuple[int, str]]] = {
-    kind: (row[0], row[1]) for kind, row in WORDS["problems"].items()
-}
+TITLES: Final[Mapping[str, tuple[int, str]]] = WORDS["problems"]
 """Kind of problem -> status and title; its type is the path `/problems/KIND`."""
 
 
