@@ -223,11 +223,8 @@ def _columns(value: Any, where: str, limits: Limits) -> dict[str, FloatArray]:
     return columns
 
 
-def _number_field(
-    columns: Mapping[str, Column], name: str, default: Any = None, *, positive: bool = False
-) -> Any:
+def _number_field(column: Column, default: Any = None, *, positive: bool = False) -> Any:
     """Return the field of a number, with the bounds and the description of its column."""
-    column = columns[name]
     least: dict[str, Any] = {"gt": 0.0} if positive else {"ge": column.minimum}
     meaning = f"{column.meaning} [{column.unit}]"
     return Field(default, **least, le=column.maximum, description=meaning)
@@ -238,15 +235,15 @@ class Link(BaseModel):
 
     model_config = ConfigDict(extra="forbid")
 
-    length_m: float = _number_field(LINK_COLUMNS, "length_m", ..., positive=True)
-    speed_m_s: float | None = _number_field(LINK_COLUMNS, "speed_m_s", positive=True)
-    travel_time_s: float | None = _number_field(LINK_COLUMNS, "travel_time_s", positive=True)
-    stop_s: float | None = _number_field(LINK_COLUMNS, "stop_s")
-    moving_speed_m_s: float | None = _number_field(LINK_COLUMNS, "moving_speed_m_s", positive=True)
-    speed_limit_m_s: float | None = _number_field(LINK_COLUMNS, "speed_limit_m_s", positive=True)
-    grade: float | None = _number_field(LINK_COLUMNS, "grade")
-    start_elevation_m: float | None = _number_field(LINK_COLUMNS, "start_elevation_m")
-    end_elevation_m: float | None = _number_field(LINK_COLUMNS, "end_elevation_m")
+    length_m: float = _number_field(LINK_COLUMNS["length_m"], ..., positive=True)
+    speed_m_s: float | None = _number_field(LINK_COLUMNS["speed_m_s"], positive=True)
+    travel_time_s: float | None = _number_field(LINK_COLUMNS["travel_time_s"], positive=True)
+    stop_s: float | None = _number_field(LINK_COLUMNS["stop_s"])
+    moving_speed_m_s: float | None = _number_field(LINK_COLUMNS["moving_speed_m_s"], positive=True)
+    speed_limit_m_s: float | None = _number_field(LINK_COLUMNS["speed_limit_m_s"], positive=True)
+    grade: float | None = _number_field(LINK_COLUMNS["grade"])
+    start_elevation_m: float | None = _number_field(LINK_COLUMNS["start_elevation_m"])
+    end_elevation_m: float | None = _number_field(LINK_COLUMNS["end_elevation_m"])
 
 
 Samples = Annotated[
@@ -257,7 +254,7 @@ Links = Annotated[Any, _checked_by(parse_links, Annotated[list[Link], Field(min_
 """Fields whose values are checked as whole tables, not one object at a time; a checked request has a table and a `LinkRoute`."""
 
 
-_Share = Annotated[float, _number_field(QUANTITIES, "reserve", ...)]
+_Share = Annotated[float, _number_field(QUANTITIES["reserve"], ...)]
 Reserve = Annotated[_Share, BeforeValidator(lambda given: 0.1 if given is None else given, _Share | None)]
 """Type of the field `reserve`, whose default is 0.1; null stands for that."""
 
