@@ -176,9 +176,7 @@ class MessageFormat:
         known, faults = (*self.columns, *self.charging, *self.parked), list[Fault]()
         if message.keys().isdisjoint(known):
             raise InvalidInput.of("no known field", "tlm", excerpt([*message]), ", ".join(known))
-        numbers = {
-            column[0]: number_in(message, name, column, faults) for name, column in self.columns.items()
-        }
+        numbers = {ours: self.number(message, name, faults) for name, (ours, *_) in self.columns.items()}
         time_s = numbers.pop("", None)
         if time_s is None and self.time_field not in {fault.where for fault in faults}:
             time_s = received_s
@@ -189,6 +187,22 @@ class MessageFormat:
         if parked:
             values.setdefault("speed_m_s", 0.0)
         return Sample(time_s, values, is_set(self.charging, message), parked, tuple(faults))
+
+    def number(self, message: Mapping[str, Any], name: str, faults: list[Fault]) -> float | None:
+        """Return a number of a message, which may be a text, in our unit; None if it is missing or, with a fault added to `faults`, not valid."""
+        raw, (ours, factor, offset) = message.get(name), self.columns[name]
+        if raw is None or (isinstance(raw, str) and raw.lower() in MISSING):
+            return None
+        try:
+            value = float(raw[:40] if isinstance(raw, str) else raw) * factor + offset
+            if not isinstance(raw, bool) and is_sound(ours, value):
+                return value
+        except (TypeError, ValueError, OverflowError):
+            pass
+        low, high = sorted((bound - offset) / factor for bound in BOUNDS[ours])
+        allowed = f"{low:g} to {high:g}" if ours else "a number"
+        faults.append(Fault("value out of range", name, excerpt(raw), allowed))
+        return None
 
 
 _TRUE: Final = ("1", "1.0", "true")
@@ -241,25 +255,6 @@ def is_set(flags: Mapping[str, tuple[str, ...]], values: Mapping[str, Any]) -> b
     return any(
         isinstance(value, str | int | float) and f"{value}".lower() in texts for value, texts in candidates
     )
-
-
-def number_in(
-    message: Mapping[str, Any], name: str, column: tuple[str, float, float], faults: list[Fault]
-) -> float | None:
-    """Return a number of a message, which may be a text, in our unit; None if it is missing or, with a fault added to `faults`, not valid."""
-    raw, (ours, factor, offset) = message.get(name), column
-    if raw is None or (isinstance(raw, str) and raw.lower() in MISSING):
-        return None
-    try:
-        value = float(raw[:40] if isinstance(raw, str) else raw) * factor + offset
-        if not isinstance(raw, bool) and is_sound(ours, value):
-            return value
-    except (TypeError, ValueError, OverflowError):
-        pass
-    low, high = sorted((bound - offset) / factor for bound in BOUNDS[ours])
-    allowed = f"{low:g} to {high:g}" if ours else "a number"
-    faults.append(Fault("value out of range", name, excerpt(raw), allowed))
-    return None
 
 
 def sample_from_abrp(message: Mapping[str, Any]) -> Sample:

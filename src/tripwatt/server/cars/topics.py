@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from typing import Any, Final
 
 from tripwatt.errors import Fault, InvalidInput, raise_faults
-from tripwatt.server.cars.telemetry import Sample, format_of, is_set, number_in
+from tripwatt.server.cars.telemetry import Sample, format_of, is_set
 from tripwatt.sources.mapping import POWER
 
 JOIN_S: Final = 1.0
@@ -104,7 +104,7 @@ class TopicJoiner:
         column, faults = self.format.columns.get(metric), list[Fault]()
         if column is None or (retained and column[0] in FAST):
             return None
-        value = number_in({metric: text}, metric, column, faults)
+        value = self.format.number({metric: text}, metric, faults)
         if metric == self.format.time_field:
             raise_faults(faults)
             self._has_time = self._has_time or value is not None
