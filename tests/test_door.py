@@ -186,14 +186,14 @@ def test_answers_without_a_road_and_advice_are_one_line():
     advice = tw.advise(tw.read_route(LINKS, trip_id="commute"), tw.Departure(soc=0.8, extras=("roof_box",)))
     energy = tw.need(100)
     far = tw.range_km(0.8)
-    chance = f"chance of {advice.p_arrive:.0%} to arrive with 10%, {advice.charge_to:.0%} to leave with"
+    chance = f"chance of {100 * advice.p_arrive:.0f} % to arrive with 10 %, {100 * advice.charge_to:.0f} % to leave with"
     assert repr(advice).startswith(f"<Advice commute: {chance}, {len(advice.singly)} action")
     assert repr(energy).startswith(
-        f"<Need 100.0 km, mixed: {energy.energy_wh / 1000.0:.2f} kWh, 90% interval "
+        f"<Need 100.0 km, mixed: {energy.energy_wh / 1000.0:.2f} kWh, 90 % interval "
     )
-    assert repr(energy).endswith(f" kWh, {energy.soc_needed:.0%} to leave with>")
+    assert repr(energy).endswith(f" kWh, {100 * energy.soc_needed:.0f} % to leave with>")
     low, high = (f"{end / 1000.0:.0f}" for end in far.interval_m)
-    shown = f"{far.range_m / 1000.0:.0f} km, 90% interval {low} to {high} km, from 80% to 10%"
+    shown = f"{far.range_m / 1000.0:.0f} km, 90 % interval {low} to {high} km, from 80 % to 10 %"
     assert repr(far) == f"<Range {shown}>"
     assert max(map(len, map(repr, (advice, energy, far)))) < 150
 

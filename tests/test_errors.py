@@ -1,8 +1,10 @@
 """Faults are collected, named and translated in one place."""
 
+import re
 from typing import Any
 
 import pytest
+from tests.support import ROOT
 
 from tripwatt.errors import Check, Fault, InvalidInput, places_named, system_errors
 
@@ -68,3 +70,9 @@ def test_an_error_of_the_system_is_an_invalid_input(error: OSError, path: str, g
             raise error
 
     assert faults_of(fails) == (Fault("cannot write", "--out", got, "a folder"),)
+
+
+def test_percentages_for_people_are_written_by_one_function() -> None:
+    by_hand = re.compile(r":[+]?\.\d%\}")  # anchors write a text of the files of cars
+    sources = [path for path in (ROOT / "src/tripwatt").rglob("*.py") if path.name != "anchors.py"]
+    assert not [f"{path}" for path in sources if by_hand.search(path.read_text("utf-8"))]

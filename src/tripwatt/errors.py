@@ -242,6 +242,17 @@ def counted(number: int, thing: str) -> str:
     return f"{number} {thing}{'s' * (number != 1)}"
 
 
+def percent(value: float | None, digits: int = 0, sign: str = "") -> str:
+    """A share in percent, for people; "unknown" for None.
+
+    Examples
+    --------
+    >>> percent(0.8), percent(-0.0001, 1), percent(0.0774, 1, "+"), percent(None)
+    ('80 %', '0.0 %', '+7.7 %', 'unknown')
+    """
+    return "unknown" if value is None else f"{100.0 * value:{sign}z.{digits}f} %"
+
+
 def and_more(bad: Sized, what: str = "row") -> str:
     """The end of a message that shows the first of several wrong values; an empty text if there is only one.
 

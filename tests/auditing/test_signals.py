@@ -477,7 +477,7 @@ def test_only_the_heating_power_can_be_stuck():
     assert blank_stuck_heater(request, "t")[1] == []
     power = request.rename(columns={"requested_heating_power_w": "heating_power_w"})
     mended, (finding,) = blank_stuck_heater(power, "t")
-    assert finding.what == "heating power stays at 1200 W in 100% of the samples: all its values are removed"
+    assert finding.what == "heating power stays at 1200 W in 100 % of the samples: all its values are removed"
     assert (finding.from_s, finding.to_s) == (0.0, 799.0)
     assert mended["heating_power_w"].isna().all()
 

@@ -4,6 +4,7 @@ import datetime as dt
 import itertools
 import json
 import math
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -336,6 +337,8 @@ def test_the_command_chooses_vehicles_and_counts_chargers(fleet, tmp_path):
     assert {row["chargers"] for row in answer["chargers"]} <= {1, 2}
     shown = CliRunner().invoke(app, asked).stdout
     assert "Chargers for 2 vehicles" in shown
+    assert re.search(r"\d %", shown)
+    assert not re.search(r"\d%", shown)
     unknown = Climate.read(fleet[1].place).unknown
     assert all(row["has_trips"] == (row["worst_month"] not in unknown) for row in answer["choices"])
     assert ("(no trips)" in shown) == any(

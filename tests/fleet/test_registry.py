@@ -55,13 +55,13 @@ def test_a_worse_challenger_is_refused():
     assert not replace(worse, low=0.00249).worse
     assert not replace(worse, low=-0.01).worse
     assert str(worse) == (
-        "mean error 7.00% against 5.00% on 10 trips of 5 vehicles; "
-        "the difference is +2.00% (95 % interval +1.00% to +3.00%); "
-        "the new model is refused if all of the interval is above +0.25%, which holds"
+        "mean error 7.00 % against 5.00 % on 10 trips of 5 vehicles; "
+        "the difference is +2.00 % (95 % interval +1.00 % to +3.00 %); "
+        "the new model is refused if all of the interval is above +0.25 %, which holds"
     )
     trifle = Comparison(400, 200, 0.0205, 0.0206, 0.0001, 0.00005, 0.00015)
     assert not trifle.worse
-    assert str(trifle).endswith("is refused if all of the interval is above +0.10%, which does not hold")
+    assert str(trifle).endswith("is refused if all of the interval is above +0.10 %, which does not hold")
 
 
 def test_promote_refuses_what_is_worse(fleet, tmp_path):

@@ -114,7 +114,7 @@ def test_a_model_knows_the_ranges_of_its_covariates_and_what_they_are_worth(flee
     assert errors["with"] != pytest.approx(errors["without"], rel=1e-6)
     for how, error in errors.items():
         assert f"error {how} traffic" in model._repr_html_()
-        assert f"{error:.1%}" in model._repr_html_()
+        assert f"{100.0 * error:.1f} %" in model._repr_html_()
     assert "seen in training" in plain._repr_html_()
     assert "seen in training" not in ForecastModel(car)._repr_html_()
     one = fleet.trips[0]

@@ -53,7 +53,7 @@ def test_more_energy_than_the_battery_holds_is_refused(planned) -> None:
 
 def test_a_charge_rises_by_the_descent_at_most(planned, downhill) -> None:
     with pytest.raises(
-        InvalidInput, match="charge rises: observed samples, soc: got a rise of 40% on the way"
+        InvalidInput, match="charge rises: observed samples, soc: got a rise of 40 % on the way"
     ):
         planned.update(observed(1800, soc=np.linspace(0.5, 0.9, 1800)))
     mass = planned.vehicle.body.test_mass_kg

@@ -320,8 +320,8 @@ def test_a_track_is_refused_if_most_of_its_way_is_in_gaps(gap_s, is_refused):
     track = Track(*points, np.full(122, np.nan), seconds, np.full(121, np.nan))
     if is_refused:
         assert refusal(track.driven_plan) == (
-            "gaps in the track: track: got 63% of the way in gaps of up to 200 s; "
-            "allowed: at most 25% in gaps over 10 s; give the whole track"
+            "gaps in the track: track: got 63 % of the way in gaps of up to 200 s; "
+            "allowed: at most 25 % in gaps over 10 s; give the whole track"
         )
     else:
         assert track.driven_plan().flags[-1] == Flag("gap_bridged", "speed_m_s", gap_s, "s")

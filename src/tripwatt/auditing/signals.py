@@ -22,6 +22,7 @@ from tripwatt.auditing.findings import (
     runs,
     whole,
 )
+from tripwatt.errors import percent
 from tripwatt.trips import COLUMNS, STEEPEST_GRADE
 from tripwatt.trips.elevation import HEIGHT_NOISE_M, heights_of_a_road
 from tripwatt.trips.messages import signal_name
@@ -382,7 +383,7 @@ def blank_stuck_heater(samples: pd.DataFrame, trip_id: str) -> Iterator[Change]:
         pulses = short_pulses(time, values)
         stuck = stuck_level(samples, values, pulses) if name == "heating_power_w" else None
         if stuck is not None:
-            what = f"{signal_name(name)} stays at {stuck[0]:g} W in {stuck[1]:.0%} of the samples: all its values are removed"
+            what = f"{signal_name(name)} stays at {stuck[0]:g} W in {percent(stuck[1])} of the samples: all its values are removed"
             yield name, np.full(len(values), np.nan), whole(samples, trip_id, what, "noted")
         elif len(pulses) >= 3:  # fewer may be measurements
             what = f"{signal_name(name)} jumps up and back by more than {PULSE_W:g} W {len(pulses)} times: these values are removed"

@@ -15,7 +15,7 @@ from tripwatt.command.forecast import show_arrival
 from tripwatt.command.options import Answer, argument, assignments, flag, make_group, option, require_effect
 from tripwatt.command.printing import console, print_notes, print_table, progress, say
 from tripwatt.command.stores import Store
-from tripwatt.errors import require_extras
+from tripwatt.errors import percent, require_extras
 from tripwatt.files import csv_text
 from tripwatt.fleet import Warranty
 
@@ -30,11 +30,11 @@ RegistryFolder = Annotated[Path, argument("REGISTRY", "Folder of the model's ver
 CLUSTER = "Scheduler of a Dask cluster, such as tcp://10.0.0.5:8786, in place of --jobs."
 CHOICES = "A library car, a TOML file, or all cars of a body, such as van. Repeatable."
 CLIMATE = "CSV with month, mean_degc, sd_k; or a store, whose trips have temperatures. Default: ROUTES."
-CHOICE = {"route": "{route}", "vehicle": "{car}", "year": "{chance:.0%}", "worst month": "{worst_chance:.0%}", "month": "{month}",
-          "charge": "{soc_needed:.0%}", "kWh/year": "{energy_wh:,.0f}", "€/year": "{cost:,.0f}", "smallest": "{smallest}"}  # fmt: skip
+CHOICE = {"route": "{route}", "vehicle": "{car}", "year": "{chance}", "worst month": "{worst_chance}", "month": "{month}",
+          "charge": "{soc_needed}", "kWh/year": "{energy_wh:,.0f}", "€/year": "{cost:,.0f}", "smallest": "{smallest}"}  # fmt: skip
 NEW_CARS = "N more vehicles of this car drive the routes, too, in turn. Repeatable."
-NEW = "{vehicles} new vehicles take {kwh:,.0f} kWh and {cost:,.0f} € a year; in the worst month one charge is enough with at least {worst_chance:.0%}."
-SMALLEST = "In 95 % of the nights {chargers} of {charger_w:g} W are enough if vehicles take turns, with a peak of {peak_w:,.0f} W. Each vehicle then has enough with {level:.3g} %, all of them with {p_enough:.0%}."
+NEW = "{vehicles} new vehicles take {kwh:,.0f} kWh and {cost:,.0f} € a year; in the worst month one charge is enough with at least {share}."
+SMALLEST = "In 95 % of the nights {chargers} of {charger_w:g} W are enough if vehicles take turns, with a peak of {peak_w:,.0f} W. Each vehicle then has enough with {level:.3g} %, all of them with {share}."
 NO_TRIPS = "a worst month in which no trip was driven has uncertain weather; --climate takes that of a CSV"
 WARRANTY = "What is guaranteed of the batteries' energy, up to which age and distance; a choice."
 WORK = "Folder of finished parts, which every worker reaches. Default: REGISTRY/work."
@@ -129,8 +129,8 @@ def update(fleet: Fleet) -> Answer:
 
 
 def _show_update(updated: str, change: Mapping[str, Any]) -> None:
-    new = f"{change['trips']} new trips, mean error {change['bias']:+.1%}"
-    say(f"{updated}; {new}, {change['coverage']:.0%} inside the 90 % interval")
+    new = f"{change['trips']} new trips, mean error {percent(change['bias'], 1, '+')}"
+    say(f"{updated}; {new}, {percent(change['coverage'])} inside the 90 % interval")
     drifting = [
         (name, f"{v['trips']}", f"{100.0 * v['bias']:+.1f}", f"{v['z']:+.1f}")
         for name, v in change["vehicles"].items()
@@ -397,19 +397,20 @@ def _show_choices(document: Mapping[str, Any], level: float) -> None:
     first = kwh.sort_values(["is_assigned", "worst_chance"], ascending=False, kind="stable")
     best = first.drop_duplicates("route").sort_values("route")
     best["car"] = best["car"].where(best["is_assigned"] | (not table["is_assigned"].any()), "none left")
-    cells = [[form.format(**row) for form in CHOICE.values()] for row in records(best)]
+    shares = {name: best[name].map(percent) for name in ("chance", "worst_chance", "soc_needed")}
+    cells = [[form.format(**row) for form in CHOICE.values()] for row in records(best.assign(**shares))]
     print_table("Enough with one charge", [*CHOICE], cells, numbers=[*CHOICE][2:-1])
     if not best["has_trips"].all():
         print_notes([NO_TRIPS])
     if new is not None:
-        say(NEW.format(**new, kwh=new["energy_wh"] / 1000.0))
+        say(NEW.format(**new, kwh=new["energy_wh"] / 1000.0, share=percent(new["worst_chance"])))
     for vehicles, rows in power.groupby("vehicles") if len(power) else ():
-        heads = ["charger [W]", *(f"{share:.0%} of nights" for share in rows["nights"].unique())]
+        heads = ["charger [W]", *(f"{percent(share)} of nights" for share in rows["nights"].unique())]
         shown = rows["chargers"].where(rows["fails"] == "", "–").astype(str)
         counts = shown.groupby(rows["charger_w"]).agg(list).items()
         print_table(f"Chargers for {vehicles} vehicles", heads, [[f"{w:g}", *row] for w, row in counts])
-        smallest = rows[rows["is_smallest"] & (rows["nights"] == 0.95)]
-        say(*(SMALLEST.format(**row, level=level) for row in records(smallest)))
+        least = rows[rows["is_smallest"] & (rows["nights"] == 0.95)]
+        say(*(SMALLEST.format(**row, level=level, share=percent(row["p_enough"])) for row in records(least)))
         print_notes(f"short with a charger of its own: {name}" for name in rows["fails"].unique() if name)
 
 

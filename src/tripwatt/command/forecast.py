@@ -20,10 +20,9 @@ from tripwatt.command.sentences import (
     chance,
     chance_to_arrive,
     forecast_in_words,
-    share,
     unknown_climb_in_words,
 )
-from tripwatt.errors import Check, InvalidInput
+from tripwatt.errors import Check, InvalidInput, percent
 from tripwatt.files import csv_text
 from tripwatt.trips.columns import require_fraction
 from tripwatt.trips.showing import period
@@ -159,7 +158,7 @@ WORDS: Final[Mapping[str, str]] = {
     "preheat_cabin": "set the cabin to {value:.0f} °C on the plug, {begins}",
     "no_roof_box": "take off the roof box",
     "summer_tyres": "fit summer tyres",
-    "pump_up": "pump up the tyres, from {value:.0%} to all of the recommended pressure",
+    "pump_up": "pump up the tyres, from {share} to all of the recommended pressure",
     "less_luggage": "leave {value:.0f} kg at home",
 }
 """Code of an action -> words for it."""
@@ -204,8 +203,8 @@ def _show_advice(advice: tw.Advice) -> None:
             say(f"{words[0].upper()}{words[1:]}: {chance(advised.p_arrive)}{longer}.")
         if not advice.least:
             say("No three actions together are enough.")
-        percent = math.ceil(100.0 * advice.charge_to - 1e-6)
-        to = f"Charge to {percent} % for a probability of {100.0 * advice.probability:.0f} %."
+        full_percent = math.ceil(100.0 * advice.charge_to - 1e-6)
+        to = f"Charge to {full_percent} % for a probability of {percent(advice.probability)}."
         full = "A full battery is not enough: plan a stop to charge with `tripwatt plan`."
         say(to if advice.charge_to <= 1.0 else full)
     say("")
@@ -215,7 +214,7 @@ def _show_advice(advice: tw.Advice) -> None:
             _kwh(-advised.difference.energy_wh),
             " to ".join(_kwh(-end) for end in reversed(advised.difference.interval())),
             f"{advised.difference.duration_s / SECONDS_PER_MINUTE:+.0f} min",
-            f"{100.0 * advised.difference.soc_arrival:+.0f} %",
+            percent(advised.difference.soc_arrival, sign="+"),
             chance(advised.p_arrive),
             advised.effort,
             _kwh(advised.wall_wh) if advised.wall_wh else "-",
@@ -248,8 +247,8 @@ def _in_words(advised: Advised, leaves: dt.datetime | None) -> str:
 def in_words(action: Action, departs_at: dt.datetime | None = None) -> str:
     """Describe an action as an imperative."""
     value = action.value or 0.0
-    when = begins(action.before_s, departs_at)
-    return WORDS[action.code].format(value=value, km_h=value / M_S_PER_KM_H, begins=when)
+    when, share = begins(action.before_s, departs_at), percent(value)
+    return WORDS[action.code].format(value=value, km_h=value / M_S_PER_KM_H, share=share, begins=when)
 
 
 def _kwh(wh: float) -> str:
@@ -361,7 +360,7 @@ def _show_range(result: tw.Range) -> None:
         lengths_m = far.range_m, *far.half_m, far.interval_m[0]
         likely, low, high, least = (f"{length / 1000.0:.0f}" for length in lengths_m)
         rows.append((name, f"{likely} km", f"{low} to {high} km", f"{least} km"))
-    title = f"Range from {share(result.soc, 0)} down to {share(result.reserve, 0)}"
+    title = f"Range from {percent(result.soc)} down to {percent(result.reserve)}"
     heads = ("kind of road", "likely", "middle half", "19 of 20 times at least")
     print_table(title, heads, rows, numbers=(heads[1], heads[3]))
     _show_doubt(result)
@@ -377,10 +376,10 @@ _NARROWS: Final = {
 def _show_doubt(result: tw.Need | tw.Range) -> None:
     """Say which causes contribute to the interval, and what information would narrow it most; then the notes."""
     doubt = result.doubt
-    shares = ", ".join(f"{n} {share(getattr(doubt, n), 0)}" for n in ("car", "road", "weather", "day"))
+    shares = ", ".join(f"{n} {percent(getattr(doubt, n))}" for n in ("car", "road", "weather", "day"))
     answered = isinstance(result, tw.Range) and doubt.narrows == "kind"  # the table has every kind
     narrows = "" if answered else _NARROWS.get(doubt.narrows or "")
-    most = f" {narrows} would narrow it most, by up to {share(doubt.narrower, 0)}." if narrows else ""
+    most = f" {narrows} would narrow it most, by up to {percent(doubt.narrower)}." if narrows else ""
     say(f"Shares of the uncertainty: {shares}.{most}")
     print_few_notes(result.flags)
 

@@ -12,8 +12,8 @@ from tripwatt import trips
 from tripwatt.command import shared
 from tripwatt.command.options import Answer, argument, flag, option, require_effect
 from tripwatt.command.printing import console, grouped, kwh, print_notes, print_table, progress, say
-from tripwatt.command.sentences import change, share
-from tripwatt.errors import Check, Fault, counted, damage, raise_faults
+from tripwatt.command.sentences import change
+from tripwatt.errors import Check, Fault, counted, damage, percent, raise_faults
 
 
 def fit(
@@ -94,7 +94,7 @@ def _show_fit(fleet: trips.TripSet, out: Path, notes: list[str], figures: dict[s
 
 
 def _errors(figures: dict[str, Any], *more: str) -> str:
-    errors = f"mean error {share(figures['mape'])}", f"RMSE {kwh(figures['rmse_wh'], 3)}"
+    errors = f"mean error {percent(figures['mape'], 1)}", f"RMSE {kwh(figures['rmse_wh'], 3)}"
     return ", ".join((*errors, *more, figures["given"]))
 
 

@@ -12,8 +12,8 @@ import tripwatt as tw
 from tripwatt.command import shared
 from tripwatt.command.options import Answer, argument, flag, make_group, option
 from tripwatt.command.printing import console, kwh, print_notes, print_reading, print_table, progress, say
-from tripwatt.command.sentences import by_cause, change, share
-from tripwatt.errors import counted, raise_faults, system_errors
+from tripwatt.command.sentences import by_cause, change
+from tripwatt.errors import counted, percent, raise_faults, system_errors
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -130,7 +130,7 @@ def _show(about: Mapping[str, Any], table: pd.DataFrame) -> None:
     _show_scores(about)
     total = sum(about["by_cause_wh"].values())
     causes = by_cause(about["by_cause_wh"]) | {"in all": total}
-    spent = [(cause, kwh(wh), share(wh / total if total else None)) for cause, wh in causes.items()]
+    spent = [(cause, kwh(wh), percent(wh / total if total else None, 1)) for cause, wh in causes.items()]
     print_table("Where the energy went", ("cause", "energy", "share"), spent, numbers=("energy", "share"))
     columns = ("trip", "departure", "distance", "forecast", "90 % interval", "took", "error")
     listed = [_entry(row) for row in table.to_dict("records")]
@@ -227,9 +227,9 @@ def _show_learned(about: Mapping[str, Any]) -> None:
     latest, published = about["latest"], about["latest_by_book"]
     if latest["trips"]:
         say(
-            f"Last {counted(latest['trips'], 'trip')}: mean error {share(published['weighted_error'])} with published values, "
-            f"{share(latest['weighted_error'])} with own trips; width of the 90 % interval {share(published['width'])} and "
-            f"{share(latest['width'])} of the energy, {share(latest['needed_width'])} would have been enough."
+            f"Last {counted(latest['trips'], 'trip')}: mean error {percent(published['weighted_error'], 1)} with published values, "
+            f"{percent(latest['weighted_error'], 1)} with own trips; width of the 90 % interval {percent(published['width'], 1)} and "
+            f"{percent(latest['width'], 1)} of the energy, {percent(latest['needed_width'], 1)} would have been enough."
         )
         if (latest["weighted_error"] or 0.0) > (published["weighted_error"] or 0.0):
             say("What was learned did not help on these trips.")
@@ -244,11 +244,11 @@ def _show_scores(about: Mapping[str, Any]) -> None:
         (
             name,
             f"{score['trips']}",
-            share(score["weighted_error"]),
-            "" if score["bias"] is None else share(score["bias"], sign="+"),
+            percent(score["weighted_error"], 1),
+            "" if score["bias"] is None else percent(score["bias"], 1, "+"),
             f"{score['inside']}",
-            share(score["width"]),
-            share(score["needed_width"]),
+            percent(score["width"], 1),
+            percent(score["needed_width"], 1),
         )
         for name, score in {"all": about["score"], **about["by_temperature"]}.items()
     ]

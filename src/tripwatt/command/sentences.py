@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, Final
 
 import tripwatt as tw
-from tripwatt.errors import counted
+from tripwatt.errors import counted, percent
 from tripwatt.trips.showing import in_kwh, period
 from tripwatt.units import M_S_PER_KM_H, SECONDS_PER_MINUTE
 
@@ -68,18 +68,18 @@ def _arrival(forecast: tw.Forecast) -> str:
         early, expected, late = kilometres
         between = f"{early} to {late} km" if late else f"{early} km or later"
         text = (
-            f"Leaving with {_percent(start)} % the battery is empty after {expected} km ({between}): the trip takes {in_kwh(missing)} kWh "
+            f"Leaving with {percent(start)} the battery is empty after {expected} km ({between}): the trip takes {in_kwh(missing)} kWh "
             f"({in_kwh(least)} to {in_kwh(most)} kWh) more than it holds. {arrives}"
         )
-        return f"{text} At best you arrive with {_percent(high)} %." if _percent(high) != "0" else text
-    text = f"Leaving with {_percent(start)} % you arrive with {_percent(end)} % ({_percent(low)} to {_percent(high)} %)."
+        return f"{text} At best you arrive with {percent(high)}." if percent(high) != "0 %" else text
+    text = f"Leaving with {percent(start)} you arrive with {percent(end)} ({100.0 * low:z.0f} to {percent(high)})."
     # the battery may be empty before the end: the interval of the charge at the end says nothing of that
     return f"{text} {arrives}" if low <= 0.0 or forecast.p_arrive(0.0) < 0.95 else text
 
 
 def journey_in_words(journey: tw.Journey) -> list[str]:
     """Describe a journey for a driver, in a sentence each: arrival, charge to leave with, speed, stops to charge."""
-    forecast, reserve = journey.forecast, _percent(journey.reserve)
+    forecast, reserve = journey.forecast, percent(journey.reserve)
     title = " to ".join(place.title for place in journey.stops)
     sentences = [*unknown_climb_in_words(forecast, journey.reserve), forecast_in_words(forecast, title)]
     sentences.append(journey.leave)
@@ -89,7 +89,7 @@ def journey_in_words(journey: tw.Journey) -> list[str]:
     advice = journey.speed
     if advice is not None and advice.speed_m_s is not None:
         speed = round(advice.speed_m_s / M_S_PER_KM_H)
-        sentences.append(f"Drive at most {speed} km/h on motorways to arrive with {reserve} %.")
+        sentences.append(f"Drive at most {speed} km/h on motorways to arrive with {reserve}.")
     if journey.charging is not None:
         sentences += _plan_in_words(journey.charging, title, journey.verdict.departs_at)
     return sentences
@@ -100,8 +100,8 @@ def _plan_in_words(plan: ChargingPlan, title: str, leaves: dt.datetime | None = 
     low, high = plan.soc_interval
     sentences = [
         f"{title} with {counted(len(plan.stops), 'stop')} to charge: {period(plan.duration_s)}, "
-        f"{period(plan.charging_s)} of it at stations. You arrive with {_percent(plan.soc_arrival)} % "
-        f"({_percent(low)} to {_percent(high)} %); the probability to have {_percent(plan.reserve)} % at every stop and at the "
+        f"{period(plan.charging_s)} of it at stations. You arrive with {percent(plan.soc_arrival)} "
+        f"({100.0 * low:z.0f} to {percent(high)}); the probability to have {percent(plan.reserve)} at every stop and at the "
         f"end is {chance(plan.p_reserve)}."
     ]
     return sentences + [stop.in_words(leaves) for stop in plan.stops]
@@ -112,7 +112,7 @@ def unknown_climb_in_words(forecast: tw.Forecast, reserve: float) -> list[str]:
     per_metre, climb = forecast.soc_per_climb_m, forecast.climb_to(reserve)
     if per_metre is None or climb is None:
         return []
-    change = f"; with {climb:,.0f} m of climb you arrive with {_percent(reserve)} %" if climb > 0.0 else ""
+    change = f"; with {climb:,.0f} m of climb you arrive with {percent(reserve)}" if climb > 0.0 else ""
     return [
         f"The heights of the road are unknown. {_climb_in_words(forecast.plan.climb)}"
         f"Each 100 m of climb takes {1e4 * per_metre:.1f} points{change}."
@@ -148,7 +148,7 @@ def chance_to_arrive(forecast: tw.Forecast, reserve: float = 0.0) -> str:
     """Say the probability to arrive with a reserve; at most `UNCERTAIN` is stated if an unknown climb could change the arrival."""
     probability = forecast.p_arrive(reserve)
     if probability > UNCERTAIN and forecast.climb_to(reserve) is not None:
-        return f"over {100.0 * UNCERTAIN:.0f} %, unless it climbs far"
+        return f"over {percent(UNCERTAIN)}, unless it climbs far"
     return chance(probability)
 
 
@@ -162,11 +162,7 @@ def chance(probability: float) -> str:
     """
     if probability > 0.999:
         return "over 99.9 %"
-    return "under 0.1 %" if probability < 0.001 else f"{100.0 * probability:.1f} %"
-
-
-def _percent(fraction: float) -> str:
-    return f"{round(100.0 * fraction)}"
+    return "under 0.1 %" if probability < 0.001 else percent(probability, 1)
 
 
 def by_cause(causes: Mapping[str, float]) -> dict[str, float]:
@@ -174,17 +170,6 @@ def by_cause(causes: Mapping[str, float]) -> dict[str, float]:
     from tripwatt.physics.chain import CAUSE_NAMES
 
     return {CAUSE_NAMES.get(k, k).replace("_", " "): wh for k, wh in causes.items() if wh or k != "shortfall"}
-
-
-def share(value: float | None, digits: int = 1, sign: str = "") -> str:
-    """Format a share in percent; returns "unknown" for None.
-
-    Examples
-    --------
-    >>> share(0.0774), share(-0.0001), share(0.0774, 0, "+"), share(None)
-    ('7.7 %', '0.0 %', '+8 %', 'unknown')
-    """
-    return "unknown" if value is None else f"{100.0 * value:{sign}z.{digits}f} %"
 
 
 def change(value: Mapping[str, Any], key: str, sign: str = "+") -> str:
@@ -195,4 +180,4 @@ def change(value: Mapping[str, Any], key: str, sign: str = "+") -> str:
     >>> change({"change": 0.05, "unit": "1"}, "change"), change({"sd": 0.3, "unit": "kW"}, "sd", sign="")
     ('+5.0 %', '0.30 kW')
     """
-    return f"{value[key]:{sign}.2f} kW" if value["unit"] == "kW" else share(value[key], sign=sign)
+    return f"{value[key]:{sign}.2f} kW" if value["unit"] == "kW" else percent(value[key], 1, sign)

@@ -28,7 +28,7 @@ from typing import Any, Final
 import numpy as np
 
 from tripwatt.arrays import FloatArray
-from tripwatt.errors import InvalidInput, system_errors
+from tripwatt.errors import InvalidInput, percent, system_errors
 from tripwatt.fleet.features import trip_features
 from tripwatt.fleet.mapping import SampledTrips
 from tripwatt.fleet.model import FleetModel
@@ -82,9 +82,9 @@ class Comparison:
 
     def __str__(self) -> str:
         return (
-            f"mean error {self.challenger:.2%} against {self.champion:.2%} on {self.trips} trips of {self.vehicles} vehicles; "
-            f"the difference is {self.difference:+.2%} (95 % interval {self.low:+.2%} to {self.high:+.2%}); the new model is refused "
-            f"if all of the interval is above {MARGIN * self.champion:+.2%}, which {'holds' if self.worse else 'does not hold'}"
+            f"mean error {percent(self.challenger, 2)} against {percent(self.champion, 2)} on {self.trips} trips of {self.vehicles} vehicles; "
+            f"the difference is {percent(self.difference, 2, '+')} (95 % interval {percent(self.low, 2, '+')} to {percent(self.high, 2, '+')}); the new model is refused "
+            f"if all of the interval is above {percent(MARGIN * self.champion, 2, '+')}, which {'holds' if self.worse else 'does not hold'}"
         )
 
 

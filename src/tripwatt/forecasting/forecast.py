@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 
 from tripwatt.arrays import FloatArray, changes, running_sum
-from tripwatt.errors import InvalidInput, counted
+from tripwatt.errors import InvalidInput, counted, percent
 from tripwatt.forecasting.along import Along, Arrival, F, Trajectories, at_fractions, distance_below
 from tripwatt.forecasting.difference import Difference, Shared, sd_between
 from tripwatt.forecasting.document import (
@@ -687,15 +687,16 @@ class Forecast:
     def __repr__(self) -> str:
         energy = with_interval(self.energy_wh, self.interval(BAND), "kWh")
         flags = f", {counted(len(self.flags), 'flag')}" if self.flags else ""
-        return f"<Forecast {self.plan.trip_id}: {energy}, arrival with {self.soc_arrival:.0%}{flags}>"
+        return f"<Forecast {self.plan.trip_id}: {energy}, arrival with {percent(self.soc_arrival)}{flags}>"
 
     def _repr_html_(self) -> str:
-        (low, high), (least, most) = self.interval(BAND), self.arrival.interval(BAND)
+        (low, high), interval = self.interval(BAND), self.arrival.interval(BAND)
+        charge, least, most = map(percent, (self.soc_arrival, *interval))
         rows = [
             ("energy", f"{self.energy_wh / 1000.0:.2f} kWh"),
-            (f"{BAND:.0%} interval", f"{low / 1000.0:.2f} to {high / 1000.0:.2f} kWh"),
-            ("state of charge at arrival", f"{self.soc_arrival:.0%} ({least:.0%} to {most:.0%})"),
-            ("probability to arrive", f"{self.p_arrive():.1%}"),
+            (f"{percent(BAND)} interval", f"{low / 1000.0:.2f} to {high / 1000.0:.2f} kWh"),
+            ("state of charge at arrival", f"{charge} ({least} to {most})"),
+            ("probability to arrive", percent(self.p_arrive(), 1)),
             ("given", self.given),
             *(("note", message(flag)) for flag in self.flags),
         ]

@@ -15,7 +15,7 @@ from typing import Any, Final
 import numpy as np
 
 from tripwatt.arrays import FloatArray
-from tripwatt.errors import Fault, InvalidInput, require_type
+from tripwatt.errors import Fault, InvalidInput, percent, require_type
 from tripwatt.forecasting.expected import ExpectedTrip
 from tripwatt.forecasting.forecast import Forecast, with_empty_flag, with_route_error
 from tripwatt.forecasting.inner import INNER_FOLDS, Again, CarsOf, inner_fits, resimulation
@@ -463,7 +463,7 @@ class ForecastModel:
     def _repr_html_(self) -> str:
         rows = [(name_of(name), span(name, *ends)) for name, ends in self.to_dict()["training"].items()]
         rows += [
-            (f"error {how} {', '.join(self.covariates)}", f"{e:.1%}")
+            (f"error {how} {', '.join(self.covariates)}", percent(e, 1))
             for how, e in self.covariate_errors_.items()
         ]
         return html_table(f"ForecastModel {self._title()}", [("seen in training", ""), *rows] if rows else [])

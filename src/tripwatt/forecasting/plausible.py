@@ -9,7 +9,7 @@ from typing import Final
 import numpy as np
 
 from tripwatt.arrays import FloatArray, distance_driven, running_sum
-from tripwatt.errors import Fault, or_none
+from tripwatt.errors import Fault, or_none, percent
 from tripwatt.forecasting.expected import MIN_RESISTANCE, ExpectedTrip
 from tripwatt.forecasting.measured import MAX_STRETCH, WHERE, ChargeReading, Columns, measured_energy, speeds
 from tripwatt.physics.batch import trip_totals
@@ -236,9 +236,9 @@ def _charge_faults(samples: Columns, drive: ExpectedTrip) -> Iterator[Fault]:
         values = samples.get(name, np.empty(0))
         rise = _largest_rise(values[np.isfinite(values)])
         if rise > allowed:
-            got = f"a rise of {rise:.0%} on the way"
+            got, most = f"a rise of {percent(rise)} on the way", f"at most {percent(allowed)} on this road"
             fix = "forecast the rest as a new trip after charging, or give the elevation of the road"
-            yield Fault("charge rises", f"{WHERE}, {name}", got, f"at most {allowed:.0%} on this road", fix)
+            yield Fault("charge rises", f"{WHERE}, {name}", got, most, fix)
 
 
 def _largest_rise(values: FloatArray) -> float:

@@ -12,7 +12,7 @@ from typing import Final
 import numpy as np
 
 from tripwatt.arrays import FloatArray, running_sum
-from tripwatt.errors import Fault, InvalidInput, and_more, excerpt, raise_faults
+from tripwatt.errors import Fault, InvalidInput, and_more, excerpt, percent, raise_faults
 from tripwatt.routes.carried import pause_flags
 from tripwatt.routes.links import FASTEST_LINK_M_S, FLAT_ROAD, LinkRoute, link_ends
 from tripwatt.routes.places import heading_along, with_heading
@@ -408,7 +408,7 @@ def _moving_gaps(time_s: FloatArray, driven_m: FloatArray) -> tuple[Flag, ...]:
         return ()
     share = float(driven[gaps].sum() / driven_m[-1])
     if share > _MAX_IN_GAPS:
-        got = f"{share:.0%} of the way in gaps of up to {step[gaps].max():g} s"
-        allowed = f"at most {_MAX_IN_GAPS:.0%} in gaps over {SHORTEST_GAP_S:g} s"
+        got = f"{percent(share)} of the way in gaps of up to {step[gaps].max():g} s"
+        allowed = f"at most {percent(_MAX_IN_GAPS)} in gaps over {SHORTEST_GAP_S:g} s"
         raise InvalidInput.of("gaps in the track", "track", got, allowed, "give the whole track")
     return (Flag("gap_bridged", "speed_m_s", float(step[gaps].sum()), "s"),)

@@ -17,7 +17,7 @@ import numpy as np
 import pandas as pd
 
 from tripwatt.arrays import BoolArray, FloatArray, number_in
-from tripwatt.errors import Fault, InvalidInput, and_more, excerpt, or_none
+from tripwatt.errors import Fault, InvalidInput, and_more, excerpt, or_none, percent
 from tripwatt.sources.clocks import clock_only, decide_format
 from tripwatt.sources.columnar import CsvTable, TableFile, open_table, stamp_texts, table_files
 from tripwatt.sources.delimited import column_key
@@ -113,7 +113,7 @@ def _sections_of(
     # 0.2: if a larger share of a measured column is missing, the logger is taken to write a value only if
     # it changes
     if missing.get(column, 0.0) > 0.2:
-        why = f"{missing[column]:.0%} of {quoted(column)} is missing: the last value is held"
+        why = f"{percent(missing[column])} of {quoted(column)} is missing: the last value is held"
         sections["file"].append(f"hold_s = {HOLD_S}  # {why}")
     return sections
 

@@ -69,10 +69,10 @@ def with_interval(middle: float, interval: tuple[float, float], unit: str, digit
     Examples
     --------
     >>> with_interval(3741.2, (3430.0, 4060.0), "kWh"), with_interval(99_464.0, (74_333.0, 142_604.0), "km", 0)
-    ('3.74 kWh, 90% interval 3.43 to 4.06 kWh', '99 km, 90% interval 74 to 143 km')
+    ('3.74 kWh, 90 % interval 3.43 to 4.06 kWh', '99 km, 90 % interval 74 to 143 km')
     """
     value, low, high = (f"{number / 1000.0:.{digits}f}" for number in (middle, *interval))
-    return f"{value} {unit}, 90% interval {low} to {high} {unit}"
+    return f"{value} {unit}, 90 % interval {low} to {high} {unit}"
 
 
 def journey(distance_m: float, duration_s: float) -> str:

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final
 
-from tripwatt.errors import InvalidInput, counted
+from tripwatt.errors import InvalidInput, counted, percent
 from tripwatt.forecasting import Difference, Forecast, ForecastModel
 from tripwatt.forecasting.leaving import forecasts_like, soc_needed
 from tripwatt.population import for_car
@@ -247,9 +247,9 @@ class Advice:
         }
 
     def __repr__(self) -> str:
-        arrival = f"chance of {self.p_arrive:.0%} to arrive with {self.reserve:.0%}"
-        helps = f"{self.charge_to:.0%} to leave with, {counted(len(self.singly), 'action')} to save energy"
-        return f"<Advice {self.forecast.plan.trip_id}: {arrival}, {helps}>"
+        chance, reserve, charge = map(percent, (self.p_arrive, self.reserve, self.charge_to))
+        helps = f"{charge} to leave with, {counted(len(self.singly), 'action')} to save energy"
+        return f"<Advice {self.forecast.plan.trip_id}: chance of {chance} to arrive with {reserve}, {helps}>"
 
 
 def advise(

@@ -12,6 +12,7 @@ from typing import Any, Final, Literal
 import numpy as np
 
 from tripwatt.arrays import FloatArray
+from tripwatt.errors import percent
 from tripwatt.forecasting import Forecast, ForecastModel
 from tripwatt.forecasting.leaving import soc_needed
 from tripwatt.forecasting.ranges import unknown_air_sd_wh
@@ -126,7 +127,7 @@ class Need:
     def __repr__(self) -> str:
         energy = with_interval(self.energy_wh, self.interval_wh, "kWh")
         road = f"{self.distance_m / 1000.0:.1f} km, {self.kind}"
-        return f"<Need {road}: {energy}, {self.soc_needed:.0%} to leave with>"
+        return f"<Need {road}: {energy}, {percent(self.soc_needed)} to leave with>"
 
 
 @dataclass(frozen=True, slots=True)
@@ -196,7 +197,7 @@ class Range(KindRange):
 
     def __repr__(self) -> str:
         distance = with_interval(self.range_m, self.interval_m, "km", 0)
-        return f"<Range {distance}, from {self.soc:.0%} to {self.reserve:.0%}>"
+        return f"<Range {distance}, from {percent(self.soc)} to {percent(self.reserve)}>"
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,7 +11,7 @@ from typing import Any, Final
 import numpy as np
 import pandas as pd
 
-from tripwatt.errors import Check, InvalidInput
+from tripwatt.errors import Check, InvalidInput, percent
 from tripwatt.forecasting import Forecast, ForecastModel
 from tripwatt.forecasting.difference import Difference
 from tripwatt.forecasting.leaving import soc_needed
@@ -365,9 +365,8 @@ class Journey:
 
     def __repr__(self) -> str:
         title, charges = " to ".join(place.title for place in self.stops), self.verdict.charges
-        low_high = self.verdict.soc_interval
         stops = "" if not charges else f"{charges} {'stop' if charges == 1 else 'stops'} to charge, "
-        arrival = f"arrival with {self.verdict.soc_arrival:.0%}, 90 % interval {low_high[0]:.0%} to {low_high[1]:.0%}"
+        arrival = f"arrival with {percent(self.verdict.soc_arrival)}, 90 % interval {' to '.join(map(percent, self.verdict.soc_interval))}"
         return f"<Journey {title}: {self.roads[0].road.distance_m / 1000.0:.1f} km, {stops}{arrival}>"
 
 

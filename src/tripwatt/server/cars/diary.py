@@ -10,6 +10,7 @@ from typing import Any, Final
 import numpy as np
 import pandas as pd
 
+from tripwatt.errors import percent
 from tripwatt.forecasting import Forecast
 from tripwatt.hybrid.factors import acts_between
 from tripwatt.trips import Trip
@@ -346,7 +347,8 @@ class Diary:
         score = self.score
         if not score.trips:
             return "<Diary without a trip>"
-        return (
-            f"<Diary {score.trips} trips: error {score.weighted_error:.1%}, {score.inside} within 90 % intervals of {score.width:.1%}, "
-            f"needed {score.needed_width:.1%}>"
+        error, width, needed = (
+            percent(s, 1) for s in (score.weighted_error, score.width, score.needed_width)
         )
+        within = f"{score.inside} within 90 % intervals of {width}, needed {needed}"
+        return f"<Diary {score.trips} trips: error {error}, {within}>"

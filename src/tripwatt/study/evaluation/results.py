@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 import pandas as pd
 
-from tripwatt.errors import Fault, InvalidInput, raise_faults
+from tripwatt.errors import Fault, InvalidInput, percent, raise_faults
 from tripwatt.files import csv_text, write_text
 from tripwatt.forecasting.fitting import versions
 from tripwatt.study.evaluation.comparison import Comparison
@@ -172,10 +172,10 @@ class EvaluationRun:
     def _repr_html_(self) -> str:
         rows = [
             (
-                f"{row.model}, {row.scheme} of {row.trips} trips",
-                f"{row.mape:.1%} ({row.mape_low:.1%} to {row.mape_high:.1%}) over {row.n_trips} trips",
+                f"{row['model']}, {row['scheme']} of {row['trips']} trips",
+                f"{percent(row['mape'], 1)} ({percent(row['mape_low'], 1)} to {percent(row['mape_high'], 1)}) over {row['n_trips']} trips",
             )
-            for row in self.to_frame().itertuples()
+            for row in self.to_frame().to_dict("records")
         ]
         return html_table(f"{self!r}"[1:-1], rows)
 
