@@ -132,13 +132,24 @@ WRONG_ROADS = [  # job, its body -> places of its faults
     ("forecast", {"links": LINKS, "car": "zzzz"}, {"/car"}),
     ("forecast", {"links": LINKS, "departure": {"soc": 0.5}, "soc": 0.4}, {"/departure/soc"}),
     ("forecast", {"route": "time_s,speed_m_s\n0,0\n1,500\n2,5"}, {"/route"}),
+    ("forecast", {"route": {"links": [*LINKS, {"length_m": 5}, {"length_m": "x", "speed_m_s": 5}]}}, {"/route/links/1", "/route/links/2/length_m"}),
+    ("forecast", {"route": {"roads": [{"samples": {"time_s": [0, 1, 2], "speed_m_s": [0, 500, 1]}}]}}, {"/route/roads/0/samples/speed_m_s/1"}),
+    ("forecast", {"route": {"links": LINKS, "elevation": {"position_m": [1.0], "elevation_m": [1e6]}}}, {"/route/elevation"}),
+    ("forecast", {"route": {"code": "Ok", "routes": [{"legs": [{"duration": "x", "distance": 5}]}]}}, {"/route/routes/0/legs/0/duration"}),
+    ("forecast", {"links": LINKS, "elevation": {"position_m": [1.0]}}, {"/elevation"}),
+    ("update", {"route": {"links": LINKS}}, {""}),
+    ("update", {"links": LINKS, "observed": {"time_s": [0, 1]}}, {"/observed"}),
+    ("live_plan", {"route": {"links": []}}, {"/route/links"}),
     ("forecast", [], {""}),
     ("difference", {"one": {"links": LINKS}, "other": {"links": [{"length_m": 5}]}}, {"/other/links/0"}),
     ("difference", {"one": {"links": LINKS}, "other": {"links": LINKS, "driver": "ann"}}, {"/other/driver"}),
+    ("difference", {"one": {"route": {"links": [5]}}, "other": {"links": LINKS}}, {"/one/route/links/0"}),
     ("plan", {"stops": ["47.14,9.52", "147.10,9.61"], "soc": 0.8}, {"/stops/1"}),
+    ("plan", {"stops": ["1,2", {"latitude_deg": 95, "longitude_deg": 2}]}, {"/stops/1/latitude_deg"}),
     ("reach", {"start": "nowhere", "soc": 0.8}, {"/start"}),
     ("journey_difference", {"one": {"stops": ["1,2", "95,2"]}, "other": {"stops": ["1,2", "1,3"]}}, {"/one/stops/1"}),
-    ("road", {"stops": ["47.14,9.52", "x"]}, {"/stops/1"}),
+    ("journey_difference", {"one": {"stops": ["1,2", "3,2"], "driver": "ann"}, "other": {"stops": ["1,2", "1,3"]}}, {"/one/driver"}),
+    ("live_plan", {"stops": ["47.14,9.52", "x"]}, {"/stops/1"}),
     ("distance", {"distance_km": 9, "car": "zzzz"}, {"car"}),
     ("distance", {"trip": "A"}, {"car"}),
     ("journeys.places", None, {"q"}),
@@ -164,6 +175,12 @@ def test_a_fault_has_its_place_in_the_body_or_its_parameter(
     assert status == 422
     assert {fault.get("pointer", fault.get("parameter")) for fault in faults} == places
     assert all(("parameter" in fault) == fault["where"].startswith("query.") for fault in faults)
+    for pointer in (fault["pointer"] for fault in faults if "pointer" in fault):
+        value = given
+        for step in re.findall("/([^/]*)", pointer):  # fails where the body has no such place
+            value = value[
+                int(step) if isinstance(value, list) else step.replace("~1", "/").replace("~0", "~")
+            ]
     if kind == "forecast" and "samples" in given and len(places) == 3:
         by_place = {fault["pointer"]: (fault["where"], fault["got"]) for fault in faults}
         assert by_place["/samples/speed_m_s/1"] == ("samples.speed_m_s[1]", "null")

@@ -180,7 +180,7 @@ def test_the_difference_of_two_journeys_counts_their_stops() -> None:
     one, other = (jobs.plan(check_request(each, PlanRequest), model)["verdict"] for each in (warmer, asked))
     # a quick request has the same difference
     pair = {"one": {**warmer, "answers": False}, "other": asked}
-    found = jobs.difference(check_request(pair, JourneyDifferenceRequest), model, model)
+    found = jobs.difference(check_request(pair, JourneyDifferenceRequest), lambda _: model)
     for name in ("duration_s", "energy_wh", "soc_arrival"):
         assert found[name] == pytest.approx(one[name] - other[name])
     assert found["duration_s"] < one["driving_s"] - other["driving_s"] - 60.0

@@ -439,7 +439,9 @@ def test_a_message_without_a_time_is_of_now_and_a_wrong_value_is_counted(served:
     bearer = {"Authorization": f"Bearer {served.tokens['leaf']}"}
     found = served("/v1/telemetry", "POST", json={"speed": 36, "soc": 900}, headers=bearer)
     assert (found.status_code, found.json()["arrival"]) == (200, "new")
-    assert [fault["where"] for fault in found.json()["ignored"]] == ["soc"]
+    assert [(fault["where"], fault["pointer"]) for fault in found.json()["ignored"]] == [("soc", "/soc")]
+    by_url = served("/v1/telemetry", params={"tlm": '{"soc": 900}', "token": served.tokens["zoe"]}).json()
+    assert [fault["parameter"] for fault in by_url["ignored"]] == ["tlm"]
     car = _cars(served).by_name("leaf")
     assert car.received_s is not None
     assert car.received_s >= before_s
@@ -478,7 +480,8 @@ def test_a_message_that_does_not_count_is_answered_as_such(served: Served) -> No
     assert served.send(message(99.0)).json()["arrival"] == "doubled"
     car._sender.offset_s = None
     late = served.send(message(1.5))
-    assert (late.status_code, late.json()["faults"][0]["what"]) == (422, "message too late")
+    (fault,) = late.json()["faults"]
+    assert (late.status_code, fault["what"], fault["pointer"]) == (422, "message too late", "/tlm/utc")
     assert served("/v1/live/leaf").json()["messages"]["late"] == 1
 
 
@@ -1037,7 +1040,8 @@ def test_a_faulty_message_is_counted_logged_and_answered_over_mqtt_as_over_http(
     assert over_mqtt is not None
     over_http.pop("instance", None)
     assert over_http | {"car": ""} == over_mqtt | {"car": ""}
-    assert over_mqtt.get("ignored") or over_mqtt["faults"]
+    faults = over_mqtt.get("ignored") or over_mqtt["faults"]
+    assert all(fault["pointer"] == f"/tlm/{fault['where']}".removesuffix("/tlm") for fault in faults)
     counts = [cars.by_name(name).counts for name in ("leaf", "zoe")]
     assert counts[0] == counts[1]
     assert counts[0]["faulty"] == 1

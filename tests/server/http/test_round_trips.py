@@ -55,7 +55,7 @@ def requests_with(road: Any) -> dict[str, dict[str, Any]]:
         "update": {**request, "observed": observed},
         "advice": request,
         "difference": {"one": request, "other": {**request, "soc": 0.7}},
-        "road": request,
+        "live_plan": request,
     }
 
 

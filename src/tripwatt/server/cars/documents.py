@@ -25,6 +25,10 @@ LOW, HIGH = f"{QUANTILES[0]:g}", f"{QUANTILES[-1]:g}"
 """Ends of the 90 % interval."""
 
 
+ROAD_FIELDS: Final = ("samples", "links", "elevation")
+"""Fields of a road."""
+
+
 @described
 class ProblemFault(TypedDict):
     """One thing that is wrong with an input."""
@@ -42,6 +46,23 @@ class ProblemFault(TypedDict):
     got: NotRequired[str | None]
     allowed: NotRequired[str | None]
     fix: NotRequired[str | None]
+
+
+def place_in(body: Any, steps: tuple[str | int, ...]) -> tuple[str | int, ...]:
+    """Return a place in a parsed body as far as the body has it; a road may be in a `route`, or the first of its `roads`.
+
+    Examples
+    --------
+    >>> place_in({"route": {"links": [{"grade": 5}]}}, ("links", 0, "grade")), place_in({"a": [1]}, ("a", 7))
+    (('route', 'links', 0, 'grade'), ('a',))
+    """
+    if steps[:1] and isinstance(body, dict) and steps[0] in ROAD_FIELDS and body.get(f"{steps[0]}") is None:
+        steps = (*next((outer for outer in (("route",), ("roads", 0)) if outer[0] in body), ()), *steps)
+    try:
+        inner = body[int(steps[0])] if isinstance(body, list) else dict(body)[steps[0]]
+    except (LookupError, TypeError, ValueError):
+        return ()
+    return (steps[0], *place_in(inner, steps[1:]))
 
 
 @described

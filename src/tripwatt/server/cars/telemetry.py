@@ -6,12 +6,13 @@ Names, units and signs of a format are those of its mapping for tables (`tripwat
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, Final
 
-from tripwatt.errors import Fault, InvalidInput, excerpt, raise_faults
+from tripwatt.errors import Fault, InvalidInput, each_fault, excerpt, raise_faults
+from tripwatt.server.cars.documents import place_in
 from tripwatt.sources.mapping import (
     POWER,
     TIME_STAMPS,
@@ -255,6 +256,26 @@ def is_set(flags: Mapping[str, tuple[str, ...]], values: Mapping[str, Any]) -> b
     return any(
         isinstance(value, str | int | float) and f"{value}".lower() in texts for value, texts in candidates
     )
+
+
+def in_message(message: Any, fault: Fault, at: tuple[str, ...] = ()) -> Fault:
+    """Return a fault of a message with its place: `at`, by default the field of the message, or of its `tlm`.
+
+    Examples
+    --------
+    >>> in_message({"tlm": {"soc": 900}}, Fault("value out of range", "soc")).at
+    ('tlm', 'soc')
+    """
+    return replace(
+        fault, at=at or place_in(message, ("tlm", fault.where)) or place_in(message, (fault.where,))
+    )
+
+
+def with_places(read: Callable[[], Sample], place: Callable[[Fault], Fault]) -> Sample:
+    """Return the sample that `read` returns, its faults and those that it raises changed by `place`."""
+    with each_fault(place):
+        sample = read()
+    return replace(sample, faults=tuple(map(place, sample.faults)))
 
 
 def sample_from_abrp(message: Mapping[str, Any]) -> Sample:

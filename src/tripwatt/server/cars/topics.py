@@ -5,10 +5,11 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Mapping
+from functools import partial
 from typing import Any, Final
 
 from tripwatt.errors import Fault, InvalidInput, raise_faults
-from tripwatt.server.cars.telemetry import Sample, format_of, is_set
+from tripwatt.server.cars.telemetry import Sample, format_of, in_message, is_set, with_places
 from tripwatt.sources.mapping import POWER
 
 JOIN_S: Final = 1.0
@@ -169,7 +170,7 @@ class TopicJoiner:
         except (ValueError, RecursionError) as error:
             allowed = f"JSON of at most {MAX_MESSAGE_BYTES} bytes"
             raise InvalidInput.of("not JSON", "tlm", f"{error}"[:60], allowed) from error
-        document = document.get("tlm", document) if isinstance(document, Mapping) else document
-        if self.format.kinds and isinstance(document, Mapping) and not is_set(self.format.kinds, document):
+        fields = document.get("tlm", document) if isinstance(document, Mapping) else document
+        if self.format.kinds and isinstance(fields, Mapping) and not is_set(self.format.kinds, fields):
             return None
-        return self.format.sample(document, received_s)
+        return with_places(partial(self.format.sample, fields, received_s), partial(in_message, document))

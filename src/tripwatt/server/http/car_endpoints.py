@@ -14,11 +14,11 @@ from fastapi import Query
 from starlette.requests import Request
 from starlette.responses import Response
 
-from tripwatt.errors import InvalidInput
+from tripwatt.errors import InvalidInput, each_fault
 from tripwatt.server.cars.car import Car
 from tripwatt.server.cars.documents import LiveResponse
 from tripwatt.server.cars.live_car import VALID_NAME
-from tripwatt.server.cars.telemetry import FORMATS
+from tripwatt.server.cars.telemetry import FORMATS, in_message, with_places
 from tripwatt.server.http import car_schemas as schemas
 from tripwatt.server.http.car_jobs import car_folder
 from tripwatt.server.http.learning import Learning
@@ -174,7 +174,7 @@ async def telemetry(call: Called, token: CarToken = None) -> Response:
 @live.get("/v1/telemetry", response_model=schemas.TelemetryResponse)
 async def telemetry_by_query(call: Called, tlm: MessageText, token: CarToken = None) -> Response:
     """Take a message of a car as a parameter of the URL, as A Better Routeplanner's live data do, too."""
-    return await _take(call, {"tlm": tlm}, token)
+    return await _take(call, {"tlm": tlm}, token, "query", "tlm")
 
 
 @live.get("/v1/live", response_model=schemas.LiveCarsResponse)
@@ -235,12 +235,13 @@ def _stream(call: Called, car: Car | None) -> Response:
     return Response(media_type=EVENTS) if "was_head" in call.request.scope else call.service.live.stream(car)
 
 
-async def _take(call: Called, message: Mapping[str, Any], token: str | None) -> Response:
-    """Store a message of a car; one without a time counts as of now, as over MQTT."""
-    cars_on_road = call.service.live
-    car = cars_on_road.by_token(given_token(message, call.request, token))
+async def _take(call: Called, message: Mapping[str, Any], token: str | None, *at: str) -> Response:
+    """Store a message of a car; one without a time counts as of now, as over MQTT. `at` is the place of the whole message."""
+    car = call.service.live.by_token(given_token(message, call.request, token))
+    place = partial(in_message, message, at=at)
     read = partial(FORMATS["abrp"].sample, telemetry_of(message), time.time())
-    return json_response(await cars_on_road.take(car, read))
+    with each_fault(place):
+        return json_response(await call.service.live.take(car, partial(with_places, read, place)))
 
 
 def message_of(body: bytes, kind: str) -> dict[str, Any]:

@@ -48,9 +48,6 @@ MAX_TRANSFERRED: Final = 64
 PARAMETER_TYPES: Final = cached(LRUCache(256))(get_type_hints)
 """Types of the parameters of a job by name, which take a while to find."""
 
-QUERIES: Final = (journey.NeedQuery, journey.RangeQuery)
-"""Requests that are parameters of a URL."""
-
 Known = Mapping[str, Any]
 NOTHING: Final[Known] = {}
 """What the last messages of a car show, or nothing."""
@@ -150,14 +147,14 @@ class Jobs:
             When the body is wrong.
         """
         work: Callable[..., dict[str, Any] | bytes] = attrgetter(kind)(self)
-        arguments = {**parameters, "body": body}
         types = PARAMETER_TYPES(work)
-        asked = types.get("request", LivePlanRequest if kind == "road" else None)
-        fields, in_query = {*getattr(asked, "model_fields", ())}, asked in QUERIES
-        with each_fault(partial(schemas.placed, fields=fields, in_query=in_query)):
+        asked = types.get("request", LivePlanRequest if "document" in types else None)
+        document = None if asked is None else schemas.parse_json(body)
+        arguments = {**parameters, "body": body, "document": document}
+        fields = {*getattr(asked, "model_fields", ()), *(document if isinstance(document, Mapping) else ())}
+        in_query = asked in (journey.NeedQuery, journey.RangeQuery)  # parameters of a URL
+        with each_fault(partial(schemas.placed, fields=fields, body=document, in_query=in_query)):
             if "request" in types:
-                document = schemas.parse_json(body)
-                fields.update(document if isinstance(document, Mapping) else ())
                 request = schemas.check_request(document, types["request"], self)
                 arguments["request"] = _with_charge(request, parameters.get("last_message") or {})
             return work(**{name: arguments[name] for name in types if name in arguments})
@@ -181,35 +178,33 @@ class Jobs:
         others = {name: value for name, value in given.items() if name not in ("route", "speed_m_s")}
         return others | road_fields(given["route"], given.get("speed_m_s"), self.limits)
 
-    def road(self, body: bytes) -> dict[str, Any]:
-        """Return the fields of a `LivePlanRequest` as `with_road`; the road of `stops` is the fastest one between them."""
-        given = schemas.parse_json(body)
-        if given.get("stops") is not None:
-            fields = {name: given[name] for name in journey.PlanRequest.model_fields if name in given}
+    def live_plan(self, document: dict[str, Any]) -> dict[str, Any]:
+        """Return a `LivePlanRequest` with its road as `with_road`, if it can be forecast; that of `stops` is the fastest one between them."""
+        if document.get("stops") is not None:
+            fields = {name: document[name] for name in journey.PlanRequest.model_fields if name in document}
             fields |= {"answers": False, "charge": False}
             route = self.plan(schemas.check_request(fields, journey.PlanRequest, self))
-            given = {"destination": route["stops"][-1]["name"], **given, "stops": None, "route": route}
-        return self.with_road(given)
+            document = {"destination": route["stops"][-1]["name"], **document, "stops": None, "route": route}
+        self.forecast(schemas.check_request(document, LivePlanRequest, self))
+        return document if document.get("route") is None else self.with_road(document)
 
     night = night
 
     def difference(self, request: schemas.DifferenceRequest) -> dict[str, Any]:
         """Compare two trips of one car: what both share cancels, and the difference has an interval of its own."""
-        with each_fault(partial(schemas.within, ["one"])):
-            one = self._make_forecast(request.one)
-        with each_fault(partial(schemas.within, ["other"])):
-            return one.difference(self._make_forecast(request.other)).to_dict()
+        one, other = schemas.both(request, self._make_forecast)
+        return one.difference(other).to_dict()
 
     def journey_difference(self, request: journey.JourneyDifferenceRequest) -> dict[str, Any]:
         """Compare two journeys of one car with the time and energy of their stops to charge, as `POST /v1/forecast/difference` does trips."""
-        return self.journeys.difference(request, self.model_of(request.one), self.model_of(request.other))
+        return self.journeys.difference(request, self.model_of)
 
     def advice(self, request: schemas.AdviceRequest) -> dict[str, Any]:
         """Return what to do about a trip: the least that helps, and what each action saves."""
         forecast, now = self._make_forecast(request), dt.datetime.now(dt.UTC)
         return advise(forecast, reserve=request.reserve, probability=request.probability, now=now).to_dict()
 
-    def need(self, request: schemas.ForecastRequest, options: Known, last_message: Known) -> dict[str, Any]:
+    def need(self, request: LivePlanRequest, options: Known, last_message: Known) -> dict[str, Any]:
         """Return what the next trip of a car on the road needs, as `NeedResponse`; `request` is its plan."""
         plan = request.plan(self.limits, measured=options["usual_trip"] is not None)
         departure = plan.departure.merge(schemas.departure_of(request))

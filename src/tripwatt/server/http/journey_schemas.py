@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Literal
 
-from pydantic import ConfigDict, Field, field_validator
+from pydantic import ConfigDict, Field, Tag, field_validator
 from pydantic_core import PydanticCustomError, from_json
 
 from tripwatt.forecasting.document import FlagDocument, ForecastResponse
@@ -149,7 +149,11 @@ class PlaceRequest(schemas.StrictModel):
     """what it is; the car charges at a place on the way that is a "charging_station" """
 
 
-Stop = Annotated[str, Field(min_length=1, max_length=200)] | PlaceRequest
+Stop = Annotated[
+    Annotated[str, Field(min_length=1, max_length=200), Tag(schemas.NAME)]
+    | Annotated[PlaceRequest, Tag(schemas.DOCUMENT)],
+    schemas.named_or_given,
+]
 """A place: its name, latitude and longitude as text, or an object."""
 
 

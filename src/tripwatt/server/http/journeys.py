@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import datetime as dt
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
-from functools import partial
 from typing import Any
 
-from tripwatt.errors import Fault, InvalidInput, each_fault, raise_faults
+from tripwatt.errors import Fault, InvalidInput, raise_faults
 from tripwatt.forecasting import ForecastModel
 from tripwatt.roads.advice import advise, leaving_later
 from tripwatt.roads.journey import (
@@ -23,7 +22,10 @@ from tripwatt.roads.journey import (
 )
 from tripwatt.server.http import journey_schemas as asked
 from tripwatt.server.http.problems import Problem
-from tripwatt.server.http.schemas import departure_of, within
+from tripwatt.server.http.schemas import both, departure_of
+
+ModelOf = Callable[[Any], ForecastModel]
+"""Returns the model for the car that a request names."""
 
 
 @dataclass(frozen=True)
@@ -42,13 +44,10 @@ class JourneyJobs:
         """Return the response to a `PlanRequest`."""
         return self._journey(request, model).to_dict()
 
-    def difference(self, request: asked.JourneyDifferenceRequest, *models: ForecastModel) -> dict[str, Any]:
-        """Return the response to a `JourneyDifferenceRequest`, with the models of both journeys."""
-        journeys = []
-        for name, model in zip(("one", "other"), models, strict=True):
-            with each_fault(partial(within, [name])):
-                journeys.append(self._journey(getattr(request, name), model, answers=True))
-        return journeys[0].difference(journeys[1], request.road).to_dict()
+    def difference(self, request: asked.JourneyDifferenceRequest, model_of: ModelOf) -> dict[str, Any]:
+        """Return the response to a `JourneyDifferenceRequest`; `model_of` returns the model for a journey."""
+        one, other = both(request, lambda asked: self._journey(asked, model_of(asked), answers=True))
+        return one.difference(other, request.road).to_dict()
 
     def advice(self, request: asked.JourneyAdviceRequest, model: ForecastModel) -> dict[str, Any]:
         """Return the response to a `JourneyAdviceRequest`: what to do on the fastest road, with its stops to charge."""
@@ -84,11 +83,10 @@ class JourneyJobs:
 
     def tile(self, zoom: int, column: int, row: int) -> bytes:
         """Return a vector tile of the roads; empty if there are no roads."""
-        size = 2**zoom
         raise_faults(
-            Fault("tile out of range", name, str(value), f"0 to {size - 1} at zoom {zoom}")
+            Fault("tile out of range", name, str(value), f"0 to {2**zoom - 1} at zoom {zoom}")
             for name, value in (("column", column), ("row", row))
-            if value >= size
+            if value >= 2**zoom
         )
         return self._atlas().tile(zoom, column, row)
 

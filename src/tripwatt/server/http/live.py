@@ -31,7 +31,7 @@ from tripwatt.server.http.car_jobs import CarJobs, car_folder
 from tripwatt.server.http.car_schemas import LivePlanRequest
 from tripwatt.server.http.jobs import Jobs, no_description_flag
 from tripwatt.server.http.pool import JobResult, WorkerPool, cancel_all
-from tripwatt.server.http.problems import Problem, fault_document, problem_of
+from tripwatt.server.http.problems import CHALLENGE, Problem, placed_document, problem_of
 from tripwatt.server.http.schemas import check_request, json_object
 from tripwatt.server.http.settings import Settings
 from tripwatt.server.http.sharing import Places
@@ -198,8 +198,7 @@ class LiveCars:
         sent = digest_of(token).encode()
         names = [name for name, digest in self._digests.items() if compare_digest(sent, digest)]
         if not names:
-            challenge = {"WWW-Authenticate": 'Bearer realm="tripwatt"'}
-            raise Problem("token-needed", "the token of a car: `token`, or a bearer token", headers=challenge)
+            raise Problem("token-needed", "the token of a car: `token`, or a bearer token", headers=CHALLENGE)
         return self.cars[names[0]]
 
     async def take(self, car: Car, read: Callable[[], Sample | None]) -> dict[str, Any]:
@@ -230,7 +229,7 @@ class LiveCars:
             allowed = "the time of a message that fits the trip"
             fix = "send messages in the order of their times"
             raise InvalidInput.of("message too late", "utc", f"{sample.time_s:.3f}", allowed, fix)
-        status, ignored = "held" if arrival == "held" else "ok", map(fault_document, sample.faults)
+        status, ignored = "held" if arrival == "held" else "ok", map(placed_document, sample.faults)
         return {"status": status, "car": car.name, "arrival": arrival, "ignored": [*ignored]}
 
     def _log_faults(self, car: Car, faults: Sequence[Fault]) -> None:
@@ -277,23 +276,16 @@ class LiveCars:
         Returns
         -------
         JobResult
-            Result of the forecast at departure; the plan is set if the status is 200. If the road cannot be made of stops or a route, the
-            result of that.
+            Result of the job that makes the road and the forecast at departure; the plan is set if the status is 200.
         """
-        beside = {name: plan.get(name) for name in ("departs_at", "departure", "destination")}
-        departs_at = check_request(beside, LivePlanRequest).departs_at
-        departure_s = None if departs_at is None else departs_at.timestamp()
-        if plan.get("stops") is not None or plan.get("route") is not None:
-            read = await self.pool.run({"kind": "road"}, orjson.dumps(plan))
-            if read.status != 200:
-                return read
-            plan = {name: value for name, value in orjson.loads(read.content).items() if value is not None}
-        checked = await self.pool.run({"kind": "forecast"}, orjson.dumps(self.with_own_model(car, plan)))
+        checked = await self.pool.run({"kind": "live_plan"}, orjson.dumps(self.with_own_model(car, plan)))
         if checked.status == 200:
+            fields = {**orjson.loads(checked.content), "car": plan.get("car")}
+            fields |= fields.pop("departure", None) or {}
+            request = {name: value for name, value in fields.items() if value is not None}
+            departs_at = check_request({"departs_at": request.get("departs_at")}, LivePlanRequest).departs_at
             try:
-                departure = plan.pop("departure", None) or {}
-                plan |= {name: value for name, value in departure.items() if value is not None}
-                await self.run(car.set_plan, plan, departure_s)
+                await self.run(car.set_plan, request, departs_at and departs_at.timestamp())
             except OSError as error:
                 raise self._not_stored("plan", car, error) from error
         return checked
@@ -324,10 +316,9 @@ class LiveCars:
         return None if companion.latest is None else companion.latest.to_dict()
 
     def with_own_model(self, car: Car, request: Mapping[str, Any]) -> dict[str, Any]:
-        """Return a request, of a plan without what a forecast lacks; if it names no car or model, with the name of the car's own model."""
+        """Return a request; if it names no car or model, with the name of the car's own model."""
         own = {"car": car.name} if car.is_described and not names_car(request) else {}
-        plan_only = ("destination",) if {"links", "samples"} & request.keys() else ()
-        return {name: value for name, value in request.items() if name not in plan_only} | own
+        return {**request, **own}
 
     def _model(self, car: Car, request: Mapping[str, Any]) -> ForecastModel:
         return self._jobs.model_named(self.with_own_model(car, request))

@@ -22,7 +22,7 @@ from uvicorn.middleware.proxy_headers import ProxyHeadersMiddleware
 
 from tripwatt.errors import excerpt
 from tripwatt.server.http.metrics import Metrics
-from tripwatt.server.http.problems import SAFE_METHODS, Problem
+from tripwatt.server.http.problems import CHALLENGE, Problem
 from tripwatt.server.http.settings import Settings
 from tripwatt.server.http.sharing import CLIENT, client_key, unmapped
 
@@ -123,7 +123,7 @@ class ServiceMiddleware:
         if allowed and (len(names) != 1 or names[0] not in allowed):
             raise Problem("host-not-served", "the Host header does not name this service")
         # an operation that reads takes computing time, too
-        if scope["method"] not in SAFE_METHODS or path.startswith(TOKEN_PATHS):
+        if scope["method"] not in ("GET", "HEAD", "OPTIONS") or path.startswith(TOKEN_PATHS):
             _check_site(headers, self.settings.cors_origins)
         if self.token and path.startswith(TOKEN_PATHS) and path not in CAR_TOKEN_PATHS:
             query = scope["query_string"] if path.endswith("/events") else ""
@@ -135,8 +135,7 @@ class ServiceMiddleware:
         # the time of the comparison does not depend on the token
         is_right = hmac.compare_digest(token.strip().encode("utf-8", "replace"), self.token)
         if kind.lower() != "bearer" or not is_right:
-            challenge = {"WWW-Authenticate": 'Bearer realm="tripwatt"'}
-            raise Problem("token-needed", "Authorization: Bearer ...", headers=challenge)
+            raise Problem("token-needed", "Authorization: Bearer ...", headers=CHALLENGE)
 
 
 def _check_site(headers: Headers, allowed: Sequence[str]) -> None:

@@ -19,8 +19,8 @@ MAX_FAULTS: Final = 50
 MAX_TEXT_LENGTH: Final = 300
 """Most characters of a text of a fault, so that a document does not repeat a large input. A choice."""
 
-SAFE_METHODS: Final = frozenset({"GET", "HEAD", "OPTIONS"})
-"""Methods of requests that change nothing."""
+CHALLENGE: Final = {"WWW-Authenticate": 'Bearer realm="tripwatt"'}
+"""Headers of the problem `token-needed`."""
 
 WORDS: Final[Mapping[str, Any]] = shipped_toml("server/http/words.toml")
 """Texts of the service."""
@@ -72,7 +72,7 @@ class Problem(Exception):
         texts = {"detail": self.detail, "instance": instance}
         document |= {name: text for name, text in texts.items() if text}
         if self.faults:
-            document["faults"] = [*map(_with_place, self.faults[:MAX_FAULTS])]
+            document["faults"] = [*map(placed_document, self.faults[:MAX_FAULTS])]
             unlisted = len(self.faults) - MAX_FAULTS
             document["detail"] = "; ".join(f"{f['where']}: {f['what']}" for f in document["faults"][:3])
             if unlisted > 0:
@@ -90,7 +90,8 @@ def fault_document(fault: Fault) -> dict[str, str]:
     return {name: text.encode("utf-8", "replace").decode() for name, text in cut.items()}
 
 
-def _with_place(fault: Fault) -> dict[str, str]:
+def placed_document(fault: Fault) -> dict[str, str]:
+    """Return the fields of a fault, and the `pointer` or the `parameter` of its place in the request if it has one."""
     document, (place, _, name) = fault_document(fault), fault.where.partition(".")
     if fault.at is None:
         return document | ({"parameter": name} if place == "query" else {})

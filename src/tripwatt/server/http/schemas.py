@@ -37,7 +37,7 @@ from tripwatt.errors import MAX_HINTS, Fault, InvalidInput, did_you_mean, each_f
 from tripwatt.forecasting.document import FlagDocument
 from tripwatt.routes import LinkRoute, route_from_links
 from tripwatt.routes.link_objects import route_with_elevation
-from tripwatt.server.cars.documents import ProblemFault
+from tripwatt.server.cars.documents import ROAD_FIELDS, ProblemFault, place_in
 from tripwatt.server.cars.telemetry import FIRST_TIME_S, LAST_TIME_S
 from tripwatt.server.http.problems import TITLES, WORDS, Problem
 from tripwatt.server.http.settings import Limits
@@ -61,8 +61,8 @@ PROBLEM_KINDS: Final[dict[str, Any]] = {
 }
 """Types of problems, and their names in generated clients."""
 
-FIELD: Final = re.compile(r"\w+(\.\w+|\[\d+\])*")
-"""Form of the name of a field in a fault."""
+STEPS: Final = re.compile(r"\w+(?!\w*\))")
+"""Words of the place of a fault, without those in brackets; the first ones may lead into a request."""
 
 FAULTS: Final = "tripwatt_faults"
 """Type of the errors of pydantic that hold faults."""
@@ -127,8 +127,7 @@ def parse_samples(value: Any, limits: Limits) -> pd.DataFrame:
         With the positions of wrong values.
     """
     samples = _checked_table(value, "samples", limits)
-    time = samples["time_s"].to_numpy()
-    require_duration(float(time[-1] - time[0]), "samples", limits)
+    require_duration(float(np.ptp(samples["time_s"])), "samples", limits)
     return samples
 
 
@@ -425,9 +424,8 @@ class RoadRequest(StrictModel):
         speed = given.get("speed_m_s")
         if speed is not None and not (type(speed) in NUMBER_TYPES and 0.0 < speed <= 70.0):
             return given  # its field has the fault
-        at = ("route",) if isinstance(given["route"], str) else None  # no place inside of a text
-        with _collect_faults(whole=True), each_fault(lambda fault: replace(fault, at=at)):
-            if any(given.get(name) is not None for name in ("samples", "links", "elevation")):
+        with _collect_faults(whole=True), each_fault(partial(replace, at=None)):
+            if any(given.get(name) is not None for name in ROAD_FIELDS):
                 got = "route beside links, samples or elevation"
                 raise InvalidInput.of("no single trip", "route", got, "one of them")
             return info.context.with_road(given)
@@ -622,6 +620,7 @@ class HealthResponse(ResponseModel):
 
 
 RequestModel = TypeVar("RequestModel", bound=BaseModel)
+Made = TypeVar("Made")
 
 
 def parse_json(body: bytes, where: str = "") -> Any:
@@ -683,9 +682,7 @@ def faults_of(errors: Iterable[Mapping[str, Any]], known: Collection[str]) -> It
         steps = [step for step in error["loc"] if step not in (NAME, DOCUMENT)]
         if error["type"] == FAULTS:
             outer = steps if error["ctx"]["whole"] else steps[:-1]
-            for fault in error["ctx"]["faults"]:
-                its = placed(within(outer, fault), known)
-                yield its if its.at or error["ctx"]["whole"] else replace(its, at=(*steps,))
+            yield from map(partial(within, outer), error["ctx"]["faults"])
             continue
         is_unknown = number < MAX_HINTS and error["type"] == "extra_forbidden"
         fix = did_you_mean(str(steps[-1]), known) if is_unknown else ""
@@ -703,20 +700,28 @@ def within(outer: Sequence[str | int], fault: Fault) -> Fault:
     return replace(fault, where=where, at=None if fault.at is None else (*outer, *fault.at))
 
 
-def placed(fault: Fault, fields: Collection[str], *, in_query: bool = False) -> Fault:
+def both(request: Any, make: Callable[[Any], Made]) -> Iterator[Made]:
+    """Yield what is made of the two parts of a request that compares them, `one` and `other`."""
+    for name in ("one", "other"):
+        with each_fault(partial(within, [name])):
+            yield make(getattr(request, name))
+
+
+def placed(fault: Fault, fields: Collection[str], body: Any, *, in_query: bool = False) -> Fault:
     """Return a fault with its place in a request: that of the fault, or the field that its text names; None if `fields` lacks it.
+
+    It ends where the parsed body has no more of it.
 
     Examples
     --------
-    >>> placed(Fault("unknown place", "stops[1]"), ["stops"]).at, placed(Fault("no road", "drive.csv"), ["stops"]).at
+    >>> body = {"stops": ["here", "there"]}
+    >>> placed(Fault("unknown place", "stops[1]"), body, body).at, placed(Fault("no road", "drive.csv"), body, body).at
     (('stops', '1'), None)
     """
-    steps = fault.at
-    if steps is None and FIELD.fullmatch(fault.where):
-        steps = tuple(re.findall(r"\w+", fault.where))
-    if steps is None or not {*steps[:1]} <= {*fields}:
+    steps = tuple(STEPS.findall(fault.where)) if fault.at is None else fault.at
+    if not {*steps[:1]} <= {*fields}:
         return replace(fault, at=None)
-    return replace(fault, at=("query", *steps) if in_query else steps)
+    return replace(fault, at=("query", *steps) if in_query else place_in(body, steps))
 
 
 def with_elevation(route: LinkRoute, elevation: Elevation, limits: Limits) -> LinkRoute:
