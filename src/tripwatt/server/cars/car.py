@@ -387,7 +387,9 @@ class Car(LiveCar):
         return self._at_departure[1]
 
     def update(self, forecast: Forecast) -> Forecast:
-        """Update the forecast made at departure with what was measured so far. O(samples of the trip).
+        """Update the forecast made at departure with what was measured so far, including samples that wait for late ones.
+
+        O(samples of the trip).
 
         Parameters
         ----------
@@ -541,6 +543,9 @@ class Car(LiveCar):
 
     def keep_forecast(self, forecast: LiveForecastDocument, *, departing: bool = False) -> bool:
         """Store a forecast of the whole trip for the diary, if one is due.
+
+        The forecast counts all samples, see `update`. The time and distance stored with it, and whether it is due, are those of the
+        trip without the samples that still wait for late ones, at most the last `LATE_S` of the trip.
 
         Parameters
         ----------
