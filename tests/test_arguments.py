@@ -18,7 +18,8 @@ from tests.support.refusals import refuses
 
 import tripwatt as tw
 from tripwatt.certification import certified_interval
-from tripwatt.roads.journey import JourneyOptions
+from tripwatt.roads.journey import Atlas, JourneyOptions
+from tripwatt.roads.routers import open_server
 from tripwatt.study.synthetic import synthetic_fleet
 from tripwatt.trips.columns import require_fraction
 
@@ -196,6 +197,7 @@ def test_what_a_departure_takes() -> None:
     refuses("did you mean 'winter'", tw.Departure, season="wintr")
 
 
+ATLAS = Atlas(open_server("osrm=http://127.0.0.1:9"))
 MODEL, TRIPS = tw.load_model(), tw.sample_trips().trips
 PLAN = tw.read_route(LINKS)
 
@@ -240,9 +242,29 @@ TYPES: Final[dict[str, tuple[Callable[[Any], Any], str]]] = {
     "range_km, departure": (lambda given: tw.range_km(0.8, departure=given), "none"),
     "range_km, model": (lambda given: tw.range_km(0.8, model=given), "none"),
     "create_car": (lambda given: tw.create_car(given, "vw_id3"), "text"),
+    "create_car, base": (lambda given: tw.create_car("never-made", "vw_id3", base=given), "none"),
+    "create_car, label": (
+        lambda given: tw.create_car("never-made", [], label=given),
+        "none text list object series",
+    ),
     "create_car, car": (lambda given: tw.create_car("never-made", given), ""),
     "open_car": (tw.open_car, ""),
     "create_store": (tw.create_store, "text"),
+    "create_store, buckets": (lambda given: tw.create_store("never-made", buckets=given), "number"),
+    "open_store, options": (lambda given: tw.open_store("never-made", options=given), "series"),
+    "plan_journey": (lambda given: tw.plan_journey(given, atlas=ATLAS), ""),
+    "plan_journey, stop": (lambda given: tw.plan_journey([given, "47,9"], atlas=ATLAS), ""),
+    "plan_journey, options": (
+        lambda given: tw.plan_journey(["1,2", "2,3"], atlas=ATLAS, options=given),
+        "none list object series",
+    ),
+    "load_vehicle, preset": (lambda given: tw.load_vehicle("vw_id3", given), ""),
+    "load_vehicle, overrides": (
+        lambda given: tw.load_vehicle("vw_id3", overrides=given),
+        "none list object series",
+    ),
+    "evaluate, seed": (lambda given: tw.evaluate(TRIPS, seed=given), "number"),
+    "evaluate, models": (lambda given: tw.evaluate(TRIPS, models=given), "none object list generator"),
     "open_store": (tw.open_store, ""),
 }
 """Arguments of the door that are objects or names, and the kinds of wrong values that they take."""

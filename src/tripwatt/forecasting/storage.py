@@ -184,8 +184,8 @@ def save_model(
         "given": GIVEN,
         "model": {**about, "vehicle_preset": model.vehicle.preset},
         "contract": contract(model),
-        "provenance": dict(provenance or {}),
-        "evaluation": dict(evaluation or {}),
+        "provenance": dict(require_type("provenance", provenance or {}, Mapping, "a mapping")),
+        "evaluation": dict(require_type("evaluation", evaluation or {}, Mapping, "a mapping")),
     }
     write_model(folder, metadata, tree_parts(tree))
 

@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final, Protocol
 
-from tripwatt.errors import InvalidInput, places_named
+from tripwatt.errors import InvalidInput, places_named, require_type
 from tripwatt.roads.routers import split_kind
 from tripwatt.routes.documents import Node
 from tripwatt.routes.places import TWIN_M, Place, read_coordinates, without_twins
@@ -128,7 +128,7 @@ def find_place(text: str, search: PlaceSearch | None, where: str, covers: str = 
         If the text is not the name of exactly one place. The message names the places that may be meant.
     """
     with places_named(dict.fromkeys(("latitude", "longitude"), where)):
-        if (place := read_coordinates(text)) is not None:
+        if (place := read_coordinates(require_type(where, text, str, "a Place or a text"))) is not None:
             return place
     if not text.strip():
         raise InvalidInput.of("no place", where, "an empty text", "a name, or latitude and longitude")

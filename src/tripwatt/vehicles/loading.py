@@ -74,9 +74,9 @@ def load_vehicle(
     allowed = "a Vehicle, the name of one, or a TOML file"
     path = Path(require_type("car", name_or_path, str | Path, allowed))
     if path.suffix != ".toml":
-        if overrides:
+        if overrides := require_type("overrides", overrides or {}, Mapping, "a mapping"):
             return _from_library(str(name_or_path), preset, overrides)
-        vehicle = _unchanged(str(name_or_path), preset)
+        vehicle = _unchanged(str(name_or_path), f"{preset}")
         return dataclasses.replace(vehicle, entries=dict(vehicle.entries))
     text = read_text_file(path, MAX_TEXT_BYTES, what="file cannot be read", allowed="a TOML text file")
     document = parse_toml(text, str(path))

@@ -546,7 +546,7 @@ def create_store(
     >>> import tripwatt as tw
     >>> store = tw.create_store("trips")  # doctest: +SKIP
     """
-    if not 1 <= buckets <= _MAX_BUCKETS:
+    if not 1 <= require_type("buckets", buckets, int, "a whole number") <= _MAX_BUCKETS:
         raise InvalidInput.of("value out of range", "buckets", f"{buckets}", f"1 to {_MAX_BUCKETS}")
     store = TripStore(f"{require_type('place', place, str | Path, 'a path')}", dict(options or {}), buckets)
     if store.rows.exists():
@@ -583,7 +583,7 @@ def open_store(place: Path | str, *, options: Mapping[str, str] | None = None) -
     >>> tw.open_store("trips").about()["trips"]  # doctest: +SKIP
     1280
     """
-    store = TripStore(f"{place}", dict(options or {}))
+    store = TripStore(f"{place}", dict(require_type("options", options or {}, Mapping, "a mapping")))
     about = store.rows.about()
     if about["tripwatt_store"] > FORMAT:
         got, fix = f"format {about['tripwatt_store']}", "install a newer tripwatt"

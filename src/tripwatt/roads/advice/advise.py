@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final
 
-from tripwatt.errors import InvalidInput, counted, percent
+from tripwatt.errors import InvalidInput, counted, percent, require_type
 from tripwatt.forecasting import Difference, Forecast, ForecastModel
 from tripwatt.forecasting.leaving import forecasts_like, soc_needed
 from tripwatt.population import for_car
@@ -314,7 +314,7 @@ def advise(
         (Action("other_road", "road", "none", {}, float(k)), road.forecast)
         for k, (road, plan) in enumerate(zip(roads, wholes, strict=True))
         if k and round(plan.p_reserve, 2) >= round(wholes[0].p_reserve, 2)
-    ] + [*others]
+    ] + [*require_type("others", others, Sequence, "a list of actions with forecasts")]
     forecast_again = forecasts_like(forecast)
 
     def with_actions(*chosen: Action) -> Advised:

@@ -11,7 +11,7 @@ from typing import Any, Final
 import numpy as np
 import pandas as pd
 
-from tripwatt.errors import Check, InvalidInput, percent
+from tripwatt.errors import Check, InvalidInput, percent, require_type
 from tripwatt.forecasting import Forecast, ForecastModel
 from tripwatt.forecasting.difference import Difference
 from tripwatt.forecasting.leaving import soc_needed
@@ -417,7 +417,7 @@ def plan_journey(
     >>> journey.arrives, journey.soc_needed  # doctest: +SKIP
     (True, 0.34)
     """
-    options = options or JourneyOptions()
+    options = require_type("options", options or JourneyOptions(), JourneyOptions, "a JourneyOptions")
     atlas = atlas if isinstance(atlas, Atlas) else open_atlas(atlas)
     forecaster = RoadForecaster(for_car(model, car), require_departure(departure), atlas.weather)
     return journey_with(forecaster, find_stops(stops, atlas, round_trip=options.round_trip), atlas, options)
@@ -453,7 +453,7 @@ def find_stops(stops: Sequence[Place | str], atlas: Atlas, *, round_trip: bool =
     >>> len(find_stops(["47.14, 9.52", "47.16, 9.50"], atlas, round_trip=True))
     3
     """
-    if not 2 <= len(stops) <= _MAX_STOPS:
+    if not 2 <= len(require_type("stops", stops, Sequence, "a list of places")) <= _MAX_STOPS:
         raise InvalidInput.of("number of places out of range", "stops", f"{len(stops)}", f"2 to {_MAX_STOPS}")
     with Check() as check:
         places = [check(atlas.find, stop, f"stops[{k}]") for k, stop in enumerate(stops)]

@@ -73,7 +73,7 @@ def create_car(
     >>> car = tw.create_car("my-leaf", "nissan_leaf_24")  # doctest: +SKIP
     """
     wanted = Path(require_type("folder", folder, str | Path, "a path"))
-    path, label = _car_folder(wanted), label or wanted.name
+    path, label = _car_folder(wanted), require_type("label", label or wanted.name, str, "a text")
     if not label.isprintable():  # it is shown on terminals, and could turn the text around it
         raise InvalidInput.of("control characters", "name", excerpt(label), "printable characters")
     car = vehicle if isinstance(vehicle, Vehicle) else load_vehicle(vehicle)
@@ -83,7 +83,7 @@ def create_car(
     in_use = Fault("folder in use", f"{path}", "not empty", allowed)
     if foreign or (path.exists() and not path.is_dir()) or is_car(path):
         raise InvalidInput(in_use)
-    root = None if base is None else Path(base).resolve()
+    root = None if base is None else Path(require_type("base", base, str | Path, "a path")).resolve()
     for_car(root, car)
     with system_errors("cannot write the folder", f"{path}", "a writable folder"):
         path.mkdir(mode=0o700, parents=True, exist_ok=True)

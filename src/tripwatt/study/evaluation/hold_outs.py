@@ -15,7 +15,7 @@ import numpy as np
 
 from tripwatt.arrays import FloatArray, IntArray
 from tripwatt.auditing import Audit
-from tripwatt.errors import Fault, InvalidInput, raise_faults
+from tripwatt.errors import Fault, InvalidInput, raise_faults, require_type
 from tripwatt.hybrid import TripTable
 from tripwatt.learners.folds import Split, leave_one_out
 from tripwatt.trips import Trip, TripSet
@@ -275,7 +275,7 @@ def numbered_names(objects: Iterable[object]) -> list[str]:
     """
     names: list[str] = []
     count: Counter[str] = Counter()
-    for item in objects:
+    for item in require_type("models", objects, Iterable, "a list of models, or a mapping"):
         name = item if isinstance(item, str) else type(item).__name__
         count[name] += 1
         names.append(name if isinstance(item, str) or count[name] == 1 else f"{name}-{count[name]}")

@@ -15,6 +15,7 @@ from tripwatt.study.evaluation.outside import AnyModel, WholeModel
 from tripwatt.study.evaluation.results import EvaluationRun
 from tripwatt.study.evaluation.tasks import ModelSpec
 from tripwatt.trips import TripSet
+from tripwatt.trips.columns import Column, number_faults
 
 
 class EvaluationProtocol(Protocol):
@@ -181,14 +182,13 @@ def choose_models(
     >>> [spec.name for spec in choose_models(find_protocol("paper"), ["linear6", "constant"])]
     ['constant', 'linear6']
     """
+    raise_faults(number_faults("seed", seed, Column("", 0, 2**63 - 1, ""), whole=True))
     if models is None:
         return protocol.models
     own_names, packaged = [spec.name for spec in protocol.models], packaged_correctors()
     # the name of a row is the key of a mapping, or the model's name or class
-    rows = models.items() if isinstance(models, Mapping) else zip(numbered_names(models), models, strict=True)
-    named = dict(rows)
-    names = [model for model in named.values() if isinstance(model, str)]
-    unknown = [name for name in names if name not in own_names and name not in packaged]
+    named = dict(models if isinstance(models, Mapping) else zip(numbered_names(models), models, strict=True))
+    unknown = [m for m in named.values() if isinstance(m, str) and m not in (*own_names, *packaged)]
     taken = [name for name, model in named.items() if name in own_names and not isinstance(model, str)]
     faults = [Fault.unknown("unknown model", "models", name, [*own_names, *packaged]) for name in unknown]
     allowed = "a name that no model of the protocol has"
