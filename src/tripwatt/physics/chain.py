@@ -8,7 +8,6 @@ intervals of zero length.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cache
 from typing import Any, Final
 
 import numpy as np
@@ -84,6 +83,10 @@ class Trace:
 
 Flags = tuple[Flag, ...]
 
+# after this array is freed, the C library of this process no longer hands freed memory back to the system: new pages would cost more
+# time than the chain
+np.empty(3_000_000)
+
 
 def drive_chain(
     vehicle: Vehicle, trace: Trace, conditions: DriveConditions, climate_power_w: FloatArray
@@ -106,7 +109,6 @@ def drive_chain(
     list of tuple of Flag
         The flags of each trip.
     """
-    _keep_freed_memory()
     air, rolling, climb, inertia = _forces(vehicle, trace, conditions)
     speed, step = trace.mean_speed_m_s, trace.step_s
     wheel_power = (air + rolling + climb + inertia) * speed
@@ -153,15 +155,6 @@ def drive_chain(
         "power_by_cause_w": by_cause,
     }
     return arrays, _flags(vehicle, step, drive, battery, lost_wh)
-
-
-@cache
-def _keep_freed_memory() -> None:
-    """Allocate and free an array, after which the C library of this process no longer hands freed memory back to the system.
-
-    New pages would cost more time than the chain.
-    """
-    np.empty(3_000_000)
 
 
 def energies(
