@@ -153,7 +153,7 @@ class UnknownClimb:
         """
         key = scores, p.tobytes(), sd_wh.tobytes()
         if key not in self._solved:
-            places = np.unique(np.linspace(0, len(sd_wh) - 1, PLACES).round().astype(np.int64))
+            places = np.linspace(0, len(sd_wh) - 1, min(len(sd_wh), PLACES)).round().astype(np.int64)
             some = UnknownClimb(np.tile(self.offsets_wh[:, places], len(p)), self.weights)
             solved_wh = some.quantiles(scores, np.repeat(p, len(places)), np.tile(sd_wh[places], len(p)))
             rows = solved_wh.reshape(len(p), -1)
