@@ -114,7 +114,7 @@ class SegmentReadings:
 
     def touches(self, n: int) -> BoolArray:
         """Mask of the segments, of n, that any reading covers at least in part."""
-        return np.isin(np.arange(n), self.seen)
+        return np.bincount(self.seen, minlength=n) > 0
 
     def condition(self, prior: PowerPrior, power_w: FloatArray, exact: bool = False) -> ResidualPower:
         """Posterior of the residual power, given values of the readings with their errors or, if exact, with nearly none."""
