@@ -370,7 +370,7 @@ def _merge_equal_links(route: LinkRoute) -> LinkRoute:
     if route.measured or not alike.any():
         return route
     half_s = next(
-        (0.5 * unit for unit in (1.0, 0.1) if np.allclose(time, unit * np.rint(time / unit), 0.0, 1e-6)), 0.0
+        (0.5 * unit for unit in (1.0, 0.1) if (np.abs(time - unit * np.rint(time / unit)) <= 1e-6).all()), 0.0
     )
     starts, driven_m, spent_s = [0], float(route.length_m[0]), float(time[0])
     links = zip(route.length_m[1:].tolist(), time[1:].tolist(), alike.tolist(), strict=True)
