@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from functools import cache, partial
 from typing import Any, Final
 
 import numpy as np
@@ -61,7 +62,7 @@ def journeys(number: int, seed: int) -> Iterator[dict[str, Any]]:
     """Yield the documents of random journeys."""
     rng = np.random.default_rng(seed)
     atlas = country(rng)
-    models = {name: for_car(None, name) for name in vehicle_names()}
+    names, model_of = vehicle_names(), cache(partial(for_car, None))
     for _ in range(number):
         south_north, west_east = rng.uniform(SOUTH_WEST, NORTH_EAST, (2, 2)).T.tolist()
         start, end = (Place(*where) for where in zip(south_north, west_east, "AB", strict=True))
@@ -72,7 +73,7 @@ def journeys(number: int, seed: int) -> Iterator[dict[str, Any]]:
         reserve, is_return = float(rng.choice([0.0, 0.05, 0.1, 0.1, 0.2])), rng.random() < 0.3
         pause_s = round(float(rng.uniform(0.0, 36_000.0))) * is_return
         options = JourneyOptions(reserve=reserve, round_trip=is_return, pause_s=pause_s)
-        forecaster = RoadForecaster(models[str(rng.choice(list(models)))], departure)
+        forecaster = RoadForecaster(model_of(str(rng.choice(names))), departure)
         stops = (start, end, *((start,) * is_return))
         yield journey_with(forecaster, stops, atlas, options).to_dict()
 
