@@ -52,6 +52,5 @@ def test_a_bomb_is_refused_at_next_to_no_cost(kind: str) -> None:
         cost = cost_of(*bomb)
         assert cost.refused
         assert cost.memory_bytes < MAX_BYTES
-        assert (
-            cost.seconds < 5 * LONGEST_S
-        )  # `benchmarks.hostile` has the bound; other tests run beside this one
+        # `benchmarks.hostile` has the bound; other tests run beside this one
+        assert cost.seconds < 5 * LONGEST_S

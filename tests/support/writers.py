@@ -260,12 +260,6 @@ class Tried:
     wrong: list[str] = field(default_factory=list)
 
 
-def _python(program: str, *arguments: str) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        [sys.executable, "-c", program, *arguments], capture_output=True, text=True, check=False, timeout=1200
-    )
-
-
 def tried_at_random(name: str, kills: int, full: int, seed: int = 0) -> Tried:
     """Kill a writer at seeded moments of its run, and let it run on full disks.
 
@@ -275,7 +269,8 @@ def tried_at_random(name: str, kills: int, full: int, seed: int = 0) -> Tried:
     with tempfile.TemporaryDirectory() as folder:
         program = FIRST + f"SOURCE = {WRITERS[name]!r}\n" + WRITERS[name] + MANY
         (Path(folder) / "work").mkdir()
-        done = _python(program, f"{folder}/work", f"{kills}", f"{full}", f"{seed}")
+        words = [sys.executable, "-c", program, f"{folder}/work", f"{kills}", f"{full}", f"{seed}"]
+        done = subprocess.run(words, capture_output=True, text=True, check=False, timeout=1200)
         *lines, last = done.stdout.splitlines() or [""]
         if done.returncode != 0:
             return Tried(wrong=[f"{name}: {line}" for line in (*lines, last, done.stderr[-600:])])
@@ -297,7 +292,6 @@ def clear():
         shutil.rmtree(entry) if entry.is_dir() else entry.unlink()
 
 old = folder.parent / "old"
-
 def copy(made, place):
     shutil.copytree(made, place) if made.is_dir() else shutil.copy2(made, place)
 
