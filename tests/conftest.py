@@ -15,6 +15,8 @@ from hypothesis import settings
 from tests.support import ROOT
 from tests.support.once import made_once, shared_folder
 
+from tripwatt.forecasting import storage
+from tripwatt.modelfile import read_model
 from tripwatt.sources import tum, ved
 
 gc.disable()  # until the end of the collection: what is imported stays, and would be looked through again and again
@@ -74,7 +76,7 @@ def built_once() -> Iterator[None]:
 
 @pytest.fixture(scope="session", autouse=True)
 def read_once(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
-    """Public sets, of which one takes some seconds to read, are read once; tests of their readers import these before."""
+    """Public sets and the model of the package are read once, and again by tests that import their readers."""
     folder = Path(os.environ.get("TRIPWATT_DATA", ROOT / "../shared/data")).resolve()
 
     def read(name: str, real: Callable[..., Any], source: Path, *, strict: bool = False) -> Any:
@@ -85,6 +87,8 @@ def read_once(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
     with pytest.MonkeyPatch.context() as patch:
         for name, real in (("tum", tum.read_tum), ("ved", ved.read_ved)):
             patch.setattr(f"tripwatt.sources.{name}.read_{name}", partial(read, name, real))
+        own = {place: read_model(place) for place in [storage.model_folder()]}
+        patch.setattr(storage, "read_model", lambda place: own.get(place) or read_model(place))
         yield
 
 
