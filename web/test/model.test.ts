@@ -48,6 +48,14 @@ describe("a charge beside the one that is needed", () => {
       [full, short, empty].map((one) => one?.verdict),
       ["good", "open", "bad"],
     );
+    // 95 of 100 arrive, and most of them below the reserve
+    const below = sufficing(0.3, {
+      soc_needed: 0.38,
+      reserve: 0.1,
+      energy_wh: 5000,
+      energy_quantile_wh: 6100,
+    });
+    assert.deepEqual([below.verdict, below.left > 0, below.arrival < 0.1], ["bad", true, true]);
     near(full?.left ?? 0, 0.18);
     near(short?.lacking ?? 0, 0.05);
     near(full?.arrival ?? 0, 0.36);

@@ -261,6 +261,8 @@ def test_what_to_do_is_to_drive_on_to_drive_slower_or_to_charge(
     send(service, token, [{**message, "soc": None} for message in messages])
     document = service.client.get("/v1/live/todo").json()
     assert document["soc"] is None
+    course = document["forecast"]["course"]
+    course["planned"] = [soc + 0.22 for soc in course["expected"]]
     said: list[Any] = []
 
     def answer(route: Any) -> None:
@@ -276,7 +278,12 @@ def test_what_to_do_is_to_drive_on_to_drive_slower_or_to_charge(
         said[:] = [document | {"message": told | {"speed_m_s": speed_m_s, "p_at_speed": 0.96}}]
         page.get_by_role("button", name="On the road").click()
         road(page).get_by_text(text).wait_for()
+        colours = "e => [e, e.closest('dialog')].map(one => getComputedStyle(one).color)"
+        of_advice, of_text = road(page).locator(".todo strong").evaluate(colours)
+        assert of_advice == of_text, "driving on is no alarm"
         now = figures_of(page)["Battery now"]
+        planned = f"{int(now.split()[0]) + 22}\u00a0%"
+        assert road(page).locator("figcaption").inner_text() == f"{now} now, {planned} planned (dotted)"
         assert 0.0 < float(now.split("\u00a0")[0]) < 80.0, "by the energy where no message has a charge"
         page.keyboard.press("Escape")
     service.client.delete("/v1/cars/todo").raise_for_status()

@@ -302,6 +302,10 @@ def test_a_distance_needs_energy_and_a_charge_goes_so_far(look: Look) -> None:
     assert f"{far['range_m'] / 1609.344:.0f}\u00a0mi" in page.locator(".far").inner_text()
     assert f"at least {far['interval_m'][0] / 1609.344:.0f}\u00a0mi" in page.locator(".far").inner_text()
     assert page.locator(".far tbody tr").count() == len(far["by_kind"])
+    page.set_viewport_size({"width": 390, "height": 844})
+    wide = "e => e.closest('.card').getBoundingClientRect().right - e.getBoundingClientRect().right"
+    assert page.locator(".far tr > :last-child").evaluate_all(f"all => Math.min(...all.map({wide}))") > 0
+    page.set_viewport_size({"width": 1440, "height": 900})
     before = need["energy_quantile_wh"]
     with page.expect_response(lambda r: "/v1/need?" in r.url) as colder:
         slider(page, "Outside").fill("-10")

@@ -32,9 +32,9 @@ export function sufficing(
   { soc_needed: needed, reserve, energy_wh, energy_quantile_wh }: Sufficient,
 ) {
   const left = soc - needed + reserve;
-  const arrival = Math.max(soc - ((needed - reserve) * energy_wh) / energy_quantile_wh, 0);
-  const verdict: Verdict = soc >= needed ? "good" : left >= 0 ? "open" : "bad";
-  return { arrival, lacking: needed - soc, left, verdict };
+  const expected = soc - ((needed - reserve) * energy_wh) / energy_quantile_wh;
+  const verdict: Verdict = soc >= needed ? "good" : Math.min(expected - reserve, left) >= 0 ? "open" : "bad";
+  return { arrival: Math.max(expected, 0), lacking: needed - soc, left, verdict };
 }
 
 /** Links of a trip from town to town: town, country road, motorway, country road, town, of unknown heights. */

@@ -79,12 +79,11 @@ function Todo({ of }: { of: LiveCar }) {
 /** The plan of the departure beside the trip as it is now. */
 function Course({ of, carM }: { of: LiveForecast; carM: number }) {
   const { live: words } = text.value;
-  const at = (curve: number[]) => interpolate(carM, of.course.distance_m, curve);
-  const more = Math.round(PERCENT.from(at(of.course.expected) - at(of.course.planned)));
-  const points = format.value.figure(Math.abs(more), 0);
+  const at = (curve: number[]) => format.value.shown(interpolate(carM, of.course.distance_m, curve), PERCENT);
+  const [now, planned] = [at(of.course.expected), at(of.course.planned)];
   return (
     <figure class="course">
-      <figcaption>{more === 0 ? words.onPlan : words.offPlan(points, more > 0)}</figcaption>
+      <figcaption>{now === planned ? words.onPlan : words.offPlan(now, planned)}</figcaption>
       <CourseChart of={of} carM={carM} height={CHART_PX} label={words.course} isNight={night.value} />
     </figure>
   );
