@@ -11,6 +11,7 @@ from tests.support.command import Run
 from tests.support.drives import example_trip
 
 from tripwatt.forecasting.storage import model_folder
+from tripwatt.server.cars.folder import create_car
 from tripwatt.study.synthetic import synthetic_fleet
 from tripwatt.trips import COLUMNS
 from tripwatt.units import GRAVITY_M_S2
@@ -81,10 +82,14 @@ def test_what_was_measured_moves_the_forecast(
     assert "before departure" in answer.err
 
 
-def test_the_folder_of_a_car_belongs_before_the_trip(run: Run, trip: Path, tmp_path: Path) -> None:
+def test_the_folder_of_my_car_is_its_model_and_its_car(run: Run, trip: Path, tmp_path: Path) -> None:
+    own = create_car(tmp_path / "car", "vw_id3").folder
     for command in ("forecast", "advise"):
-        refused = run(command, "--car", tmp_path, trip)
-        assert (refused.code, f"give the folder before the trip: {tmp_path} TRIP" in refused.err) == (2, True)
+        as_car = run(command, "--car", own, trip, "--json")
+        assert as_car.code == 0, as_car.err
+        assert as_car.out == run(command, own, trip, "--json").out != run(command, trip, "--json").out
+        assert "option has no effect: MODEL" in run(command, "--car", own, own, trip).err
+        assert run(command, "--car", tmp_path, trip).code == 2, "no car"
 
 
 def test_the_file_of_a_logger_is_read_as_simulate_reads_it(

@@ -15,6 +15,7 @@ from tests.support.router_server import RouterServer, answering, write_map
 import tripwatt as tw
 from tripwatt.roads.journey import JourneyOptions, RoadForecaster, find_reach, open_atlas, plan_journey
 from tripwatt.routes.places import Place
+from tripwatt.server.cars.folder import create_car
 
 ROADS = osrm(annotated=True)
 LICENCE = "© OpenStreetMap contributors, ODbL 1.0"
@@ -88,6 +89,25 @@ def test_options_of_a_plan_count(asked: Callable[..., Any]) -> None:
     assert energy("--climate", "off") < plain - 100.0
     assert energy("--wind", "10@90", "--rain", 4, "--payload", 400) > plain + 70.0  # the road leads east
     assert energy("--wind", "10@270") < plain - 50.0
+
+
+def test_the_folder_of_my_car_plans_a_journey(
+    asked: Callable[..., Any], router: RouterServer, folder: Path, tmp_path: Path
+) -> None:
+    own = create_car(tmp_path / "car", "vw_id3")
+    journey = ("plan", "Westend", "Ostheim", "--soc", 0.8, "--ambient", 5, "--json")
+    as_car, as_model = (asked(*journey, option, own.folder) for option in ("--car", "--model"))
+    assert as_car.code == 0, as_car.err
+    same = plan_journey(
+        ["Westend", "Ostheim"],
+        tw.Departure(soc=0.8, ambient_temperature_degc=5.0),
+        atlas=open_atlas(f"{folder}@osrm={router.url}"),
+        model=own.model(),
+        options=JourneyOptions(alternatives=2),
+    )
+    assert numbers(json.loads(as_car.out)) == pytest.approx(numbers(same.to_dict()), rel=1e-9)
+    assert as_car.out == as_model.out
+    assert "option has no effect: --model" in asked(*journey, "--car", own.folder, "--model", own.folder).err
 
 
 def test_every_wrong_option_of_a_plan_is_named_at_once(asked: Callable[..., Any]) -> None:

@@ -237,10 +237,11 @@ def export(
 
 def _car(model: Path | None, vehicle: str | None) -> tuple[Vehicle, Callable[[tw.Plan], float] | None, str]:
     """Return the car, the function for its correction (None for physics only), and a note about the correction."""
-    if vehicle is None:
-        fitted = tw.load_model(model)
+    require_effect({"--model": vehicle and model}, "one of the two, --model or --car")
+    given = shared.model_and_car(model, vehicle)
+    if given["car"] is None:
+        fitted = tw.for_car(given["model"])
         note = f"{fitted.vehicle.title}: physics with the correction of the model"
         return fitted.vehicle, lambda trip: fitted.forecast(trip).by_cause_wh["correction"], note
-    require_effect({"--model": model}, "one of the two, --model or --car")
-    car = tw.load_vehicle(vehicle)
+    car = tw.load_vehicle(given["car"])
     return car, None, f"{car.title}: physics only, without a correction"

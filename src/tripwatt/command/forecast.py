@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Final
 
 import tripwatt as tw
 from tripwatt.command import shared
-from tripwatt.command.options import Answer, argument, option, require_effect
+from tripwatt.command.options import Answer, argument, option
 from tripwatt.command.printing import kwh, print_few_notes, print_notes, print_table, say
 from tripwatt.command.sentences import (
     begins,
@@ -88,7 +88,7 @@ def forecast(
 
     model, trip = model_and_trip(paths)
     speed_m_s = None if speed is None else speed * M_S_PER_KM_H
-    with shared.options_named():
+    with shared.options_named(**{"--model": "MODEL"}):
         with Check() as check:
             check(require_fraction, "reserve", reserve)
             plan = check(shared.read_plan, trip, speed_m_s)
@@ -185,7 +185,7 @@ def advise(
       tripwatt advise route.json --soc 0.5 --extra roof_box --car vw_id3 --json
     """
     model, trip = model_and_trip(paths)
-    with shared.options_named():
+    with shared.options_named(**{"--model": "MODEL"}):
         with Check() as check:
             plan = check(shared.read_plan, trip)
             car, known, fitted = shared.checked(check, vehicle, departure, model)
@@ -255,25 +255,19 @@ def _kwh(wh: float) -> str:
     return f"{wh / 1000.0:.2f}"
 
 
-CAR: Final = f"{shared.ANOTHER} Or the folder of your own car (`tripwatt car new`)."
-
-
 @dataclass(frozen=True)
 class Drive:
     """Options about the road and the car."""
 
     kind: Annotated[str, option("KIND", "Road: city, country, motorway, or mixed if unknown.")] = "mixed"
     reserve: shared.Reserve = 0.1
-    car: Annotated[str | None, option("NAME|FILE|FOLDER", CAR, "--car")] = None
+    car: shared.Car = None
     model: shared.Model = None
 
     def own(self) -> dict[str, Any]:
         """Return the car as keyword arguments of `need` and `range_km`; for a user's own car also `plan`, which plans its trips."""
-        if self.car is None or not Path(self.car).is_dir():
-            return {"model": self.model, "car": self.car}
-        require_effect({"--model": self.model}, "only without the folder of a car")
-        own = tw.open_car(self.car)
-        return {"model": own.model(), "plan": own.usual_plan}
+        found = shared.model_and_car(self.model, self.car)
+        return found if found["car"] == self.car else found | {"plan": tw.open_car(f"{self.car}").usual_plan}
 
 
 def need(

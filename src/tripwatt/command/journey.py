@@ -61,6 +61,7 @@ def plan(
     with shared.options_named(**named | {"stops[0]": "FROM", "stops": "FROM [VIA...] TO"}):
         with Check() as check:
             atlas, known = check(open_atlas, on_map.settings()), check(departure)
+            model_and_car = check(shared.model_and_car, model, vehicle)
             options = check(
                 JourneyOptions,
                 reserve,
@@ -70,7 +71,7 @@ def plan(
                 charge=not no_charge,
                 preheat_battery=preheat_battery,
             )
-        journey = tw.plan_journey(stops, known, atlas=atlas, model=model, car=vehicle, options=options)
+        journey = tw.plan_journey(stops, known, atlas=atlas, options=options, **model_and_car)
     return Answer(journey.to_dict, partial(_show, journey))
 
 
@@ -94,7 +95,7 @@ def reach(
 
     with shared.options_named():
         atlas = open_atlas(AtlasSettings(map_, places_url))
-        fitted = tw.for_car(model, vehicle)
+        fitted = tw.for_car(**shared.model_and_car(model, vehicle))
         place = atlas.find(start, "FROM")
         area = find_reach(RoadForecaster(fitted, departure()), place, atlas, reserve=reserve)
     return Answer(area.to_dict, partial(_show_reach, area))

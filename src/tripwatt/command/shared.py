@@ -36,8 +36,8 @@ LoggedCar = Annotated[str | None, option("NAME|FILE.toml", LOGGED, "--car")]
 SET: Final = "Replace a value of the car: mass=1300; `tripwatt vehicles NAME` lists the keys. Repeatable."
 Overrides = Annotated[list[str] | None, option("KEY=VALUE", SET, "--set")]
 TripId = Annotated[str | None, option("ID", "Trip to use if DATA contains several.", "--trip")]
-ANOTHER: Final = "Another car: a name from `tripwatt vehicles`, or a TOML file. The interval is wider."
-Car = Annotated[str | None, option("NAME|FILE", ANOTHER, "--car")]
+ANOTHER: Final = "Another car: a name from `tripwatt vehicles`, or a TOML file; the interval is wider. Or the folder of your own car."
+Car = Annotated[str | None, option("NAME|FILE|FOLDER", ANOTHER, "--car")]
 Model = Annotated[Path | None, option("FOLDER", "Folder of a model. Default: the bundled one.", "--model")]
 Reserve = Annotated[float, option("0..1", "Charge to arrive with, as displayed.", "--reserve")]
 Probability = Annotated[float, option("0.5..0.999", "Probability that it is enough.", "--probability")]
@@ -209,21 +209,22 @@ def options_named(**more: str) -> AbstractContextManager[None]:
 
 
 def checked(check: Check, car: str | None, departure: DepartureOf, model: Path | None) -> Any:
-    """Return a car, a departure and a model; the bundled model, which has no fault, only if the checks have found none."""
-    vehicle, known = car and check(_car_of, car), check(departure)
-    return vehicle, known, None if model is None and check.failed else check(_model_of, model)
+    """Return a car, a departure and a model; both are None for the bundled model and its car."""
+    given, known = check(model_and_car, model, car) or {}, check(departure)
+    name = given.get("car")
+    return name and check(tw.load_vehicle, name), known, given.get("model")
 
 
-def _car_of(name: str) -> Vehicle:
-    """Load the car of --car; a folder is no car, and the refusal says where it belongs."""
-    if Path(name).is_dir() and or_none(tw.load_vehicle, name) is None:
-        fix = f"give the folder before the trip: {name} TRIP"
-        raise InvalidInput.of("a folder as car", "--car", name, "a name, or a TOML file", fix)
-    return tw.load_vehicle(name)
+def model_and_car(model: Path | None, car: str | None) -> dict[str, Any]:
+    """Return the model of --model and the name of --car as arguments; the folder of a user's own car gives its model and no name."""
+    if car is None or not Path(car).is_dir() or or_none(tw.load_vehicle, car) is not None:
+        return {"model": model and _model_of(model), "car": car}
+    require_effect({"--model": model}, "only without the folder of a car")
+    return {"model": tw.open_car(car).model(), "car": None}
 
 
-def _model_of(folder: Path | None) -> tw.ForecastModel:
-    """Load the model of a folder: a stored model, or the adapted model of a car; returns the bundled model for None.
+def _model_of(folder: Path) -> tw.ForecastModel:
+    """Load the model of a folder: a stored model, or the adapted model of a car.
 
     Raises
     ------
@@ -231,7 +232,7 @@ def _model_of(folder: Path | None) -> tw.ForecastModel:
         If the folder holds neither.
     """
     # car.json is from an older version
-    if folder is not None and any((folder / name).is_file() for name in ("car.sqlite", "car.json")):
+    if any((folder / name).is_file() for name in ("car.sqlite", "car.json")):
         from tripwatt.server.cars.folder import is_car  # slow to import, and most folders are models
 
         if is_car(folder):
