@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property, lru_cache, partial
+from functools import lru_cache, partial
 from statistics import NormalDist
 from typing import Any, Final
 
@@ -110,11 +110,6 @@ class NetClimbs:
         limit = self.limit(distance_m)
         return np.asarray(np.clip(self.expected_m(distance_m, from_m) + over_10_km_m * factor, -limit, limit))
 
-    @cached_property
-    def _middle(self) -> FloatArray:
-        """Probability up to the middle of each scenario."""
-        return np.asarray(np.cumsum(self.weights) - 0.5 * self.weights)
-
     def local_grade(self) -> FloatArray:
         """Typical grade of the hills along the road in each scenario [1], shape (scenarios,)."""
         return np.asarray(
@@ -123,7 +118,8 @@ class NetClimbs:
 
     def quantile(self, p: float, distance_m: float) -> FloatArray:
         """Quantile `p` of the net climb over a distance [m]."""
-        return self._climbs(np.interp(p, self._middle, self.over_10_km_m), distance_m)
+        to_middle = np.cumsum(self.weights) - 0.5 * self.weights
+        return self._climbs(np.interp(p, to_middle, self.over_10_km_m), distance_m)
 
     def typical_m(self, distance_m: float) -> float:
         """Half the width of the central 68 % of the net climb [m]: the standard deviation of its core, without the far tails."""
