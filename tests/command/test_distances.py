@@ -101,6 +101,7 @@ def test_a_usual_trip_of_my_car(run: Run, tmp_path: Path) -> None:
         (("fifty",), "not a distance"),
         (("50", "--kind", "moon"), "unknown kind of road"),
         (("50", "--car", "moon"), "moon"),
+        (("50", "--plug", "3.7", "--soc", "0.2"), "the value is in watts: --plug 3700"),
     ],
 )
 def test_what_cannot_be_asked_is_refused(run: Run, arguments: tuple[str, ...], told: str) -> None:

@@ -295,6 +295,9 @@ def need(
     from tripwatt.roads.advice.preheating import need_before_departure
 
     with shared.options_named():
+        if 0.0 < plug < 500.0:
+            fix = f"the value is in watts: --plug {1000.0 * plug:g}"
+            raise InvalidInput.of("too little power", "--plug", f"{plug:g} W", "0, or 500 W or more", fix)
         car = drive.own()
         again = car.pop("plan", None)
         if (distance is None) == (trip is None) or (trip is not None and again is None):
