@@ -285,7 +285,7 @@ def test_every_flag_has_a_sentence(code):
         (Flag("soc_assumed", "soc", 0.804, "1"), "state of charge at departure is unknown: 80 % is assumed"),
         (Flag("motor_torque_limit", "motor", 4023.0, "s"), "the car cannot reach the speed of the trace for 1 h 07 min: motor torque limit"),
         (Flag("speed_assumed", "track", 13.8889, "m_s"), "50 km/h is assumed where the track has no speed"),
-        (Flag("links_too_long", "links", 30_000.4, "m"), "neighbouring links of equal speed count as one: they are 30000 m long in the mean, longer than those with which the error of planned routes was measured"),
+        (Flag("links_too_long", "links", 30_000.4, "m"), "neighbouring links of equal speed count as one: they are 30.0 km long in the mean, longer than those with which the error of planned routes was measured"),
         (Flag("outside_training", "ambient_temperature_degc", 0.4, "sd", (-3.0, 31.0)), "outside temperature is outside the range of the training trips, -3 to 31 °C: the error there is not known from trips"),
         (Flag("first_of_several", "routes", 3.0, "1"), "the first of 3 routes is used"),
     ],

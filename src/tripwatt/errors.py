@@ -243,14 +243,16 @@ def counted(number: int, thing: str) -> str:
 
 
 def percent(value: float | None, digits: int = 0, sign: str = "") -> str:
-    """A share in percent, for people; "unknown" for None.
+    """A share in percent, for people, a half upwards as a display of 12.5 % reads 13 %; "unknown" for None.
 
     Examples
     --------
     >>> percent(0.8), percent(-0.0001, 1), percent(0.0774, 1, "+"), percent(None)
     ('80 %', '0.0 %', '+7.7 %', 'unknown')
+    >>> percent(0.125), percent(0.135), percent(0.145), percent(0.1449)
+    ('13 %', '14 %', '15 %', '14 %')
     """
-    return "unknown" if value is None else f"{100.0 * value:{sign}z.{digits}f} %"
+    return "unknown" if value is None else f"{100.0 * value + 1e-9:{sign}z.{digits}f} %"
 
 
 def and_more(bad: Sized, what: str = "row") -> str:

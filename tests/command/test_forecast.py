@@ -59,6 +59,8 @@ def test_every_figure_for_people_is_given_the_speed_trace(run: Run, trip: Path) 
     assert "given the driven speed trace" in answer.out
     assert "9 in 10 such trips take" in answer.out
     assert "The probability to arrive with 10 % or more is " in answer.out
+    low = run("forecast", trip, "--soc", 0.02, "--ambient", -5, "--reserve", 0)
+    assert low.out.count("The probability to arrive") == 1
 
 
 def test_what_was_measured_moves_the_forecast(

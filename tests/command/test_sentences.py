@@ -23,12 +23,14 @@ from tripwatt.forecasting import load_model
 from tripwatt.trips import Departure, Plan
 
 
-def made(soc: tuple[float, float, float, float], energy_wh: float = 2120.0, **more: Any) -> Any:
+def made(
+    soc: tuple[float, float, float, float], energy_wh: float = 2120.0, time_s: float = 1440.0, **more: Any
+) -> Any:
     """A forecast with these charges at departure and at arrival (expected, low, high)."""
     start, end, low, high = soc
     series = pd.DataFrame(
         {
-            "time_s": [0.0, 1440.0],
+            "time_s": [0.0, time_s],
             "distance_m": [0.0, 12_340.0],
             "displayed_soc": [start, end],
             "displayed_soc_low": [start, low],
@@ -63,6 +65,8 @@ def test_a_charge_is_told_as_it_was_given() -> None:
     """A display of 99 % stands for the whole battery in the sum, not in the sentence."""
     plan = SimpleNamespace(departure=Departure(soc=0.99))
     assert "Leaving with 99 % you arrive" in forecast_in_words(made((1.0, 0.78, 0.75, 0.81), plan=plan))
+    halves = forecast_in_words(made((0.145, 0.125, 0.105, 0.135)))
+    assert "Leaving with 15 % you arrive with 13 % (11 to 14 %)" in halves
 
 
 def test_causes_and_changes_have_words() -> None:
@@ -92,6 +96,8 @@ def test_a_battery_that_may_not_last_is_told_with_its_probability() -> None:
 def test_short_trips_have_two_digits_and_the_way_behind_is_told() -> None:
     plan = SimpleNamespace(departure=Departure())
     said = forecast_in_words(made((0.8, 0.79, 0.78, 0.8), 640.0, measured_until_s=600.0, plan=plan))
+    long = made((0.8, 0.79, 0.78, 0.8), time_s=12_060.0, measured_until_s=3900.0, plan=plan)
+    assert "12.3 km in 3 h 21 min, 1 h 05 min of it driven: " in forecast_in_words(long)
     assert "12.3 km in 24 min, 10 min of it driven: 0.64 kWh; 9 in 10 such trips take 0.34 to 1.0 kWh" in said
 
 

@@ -25,7 +25,7 @@ from tripwatt.command.sentences import (
 from tripwatt.errors import Check, InvalidInput, percent
 from tripwatt.files import csv_text
 from tripwatt.trips.columns import require_fraction
-from tripwatt.trips.showing import period
+from tripwatt.trips.showing import in_kwh, period
 from tripwatt.units import M_S_PER_KM_H, SECONDS_PER_MINUTE
 
 if TYPE_CHECKING:
@@ -114,9 +114,10 @@ def model_and_trip(paths: list[Path]) -> tuple[Path | None, Path]:
 
 def show_arrival(forecast: tw.Forecast, subject: str, reserve: float) -> None:
     """Print a forecast for a driver: energy, charge at arrival, the probability to arrive with the reserve."""
-    say(forecast_in_words(forecast, subject), *unknown_climb_in_words(forecast, reserve))
-    chance = chance_to_arrive(forecast, reserve)
-    say(f"The probability to arrive with {100.0 * reserve:g} % or more is {chance}.")
+    said, chance = forecast_in_words(forecast, subject), chance_to_arrive(forecast, reserve)
+    say(said, *unknown_climb_in_words(forecast, reserve))
+    if reserve > 0.0 or chance not in said:
+        say(f"The probability to arrive with {100.0 * reserve:g} % or more is {chance}.")
 
 
 def _show_forecast(forecast: tw.Forecast, reserve: float, leave: LeaveWith | None) -> None:
@@ -198,8 +199,8 @@ def _show_advice(advice: tw.Advice) -> None:
     leaves = advice.forecast.plan.departure.departs_at
     if advice.p_arrive < advice.probability:
         for advised in advice.least:
-            words, minutes = _in_words(advised, leaves), advised.difference.duration_s / SECONDS_PER_MINUTE
-            longer = f", {minutes:.0f} min longer" if minutes >= 0.5 else ""
+            words, longer_s = _in_words(advised, leaves), advised.difference.duration_s
+            longer = f", {period(longer_s)} longer" if longer_s >= 0.5 * SECONDS_PER_MINUTE else ""
             say(f"{words[0].upper()}{words[1:]}: {chance(advised.p_arrive)}{longer}.")
         if not advice.least:
             say("No three actions together are enough.")
@@ -211,13 +212,13 @@ def _show_advice(advice: tw.Advice) -> None:
     rows = [
         (
             _in_words(advised, leaves),
-            _kwh(-advised.difference.energy_wh),
-            " to ".join(_kwh(-end) for end in reversed(advised.difference.interval())),
+            in_kwh(-advised.difference.energy_wh),
+            " to ".join(in_kwh(-end) for end in reversed(advised.difference.interval())),
             f"{advised.difference.duration_s / SECONDS_PER_MINUTE:+.0f} min",
             percent(advised.difference.soc_arrival, sign="+"),
             chance(advised.p_arrive),
             advised.effort,
-            _kwh(advised.wall_wh) if advised.wall_wh else "-",
+            in_kwh(advised.wall_wh) if advised.wall_wh else "-",
             advised.saves,
         )
         for advised in advice.singly
@@ -230,7 +231,7 @@ def _show_advice(advice: tw.Advice) -> None:
             (
                 f"{cap.speed_m_s / M_S_PER_KM_H:.0f}",
                 f"{cap.longer_s / SECONDS_PER_MINUTE:+.0f} min",
-                _kwh(cap.saved_wh),
+                in_kwh(cap.saved_wh),
                 f"{cap.charging_w / 1000.0:.0f}",
             )
             for cap in advice.speeds
@@ -249,10 +250,6 @@ def in_words(action: Action, departs_at: dt.datetime | None = None) -> str:
     value = action.value or 0.0
     when, share = begins(action.before_s, departs_at), percent(value)
     return WORDS[action.code].format(value=value, km_h=value / M_S_PER_KM_H, share=share, begins=when)
-
-
-def _kwh(wh: float) -> str:
-    return f"{wh / 1000.0:.2f}"
 
 
 @dataclass(frozen=True)

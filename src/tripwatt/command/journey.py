@@ -12,7 +12,7 @@ from tripwatt.command import shared
 from tripwatt.command.options import Answer, argument, flag, make_group, option
 from tripwatt.command.printing import kwh, print_notes, print_table, say
 from tripwatt.command.sentences import chance, chance_to_arrive, journey_in_words
-from tripwatt.errors import Check
+from tripwatt.errors import Check, percent
 from tripwatt.trips.showing import period
 
 if TYPE_CHECKING:
@@ -153,7 +153,7 @@ def _show(journey: tw.Journey) -> None:
             period(way["duration_s"]),
             str(way["charges"]),
             kwh(way["energy_wh"]),
-            f"{100.0 * way['soc_arrival']:.0f} % ({100.0 * way['soc_low']:.0f} to {100.0 * way['soc_high']:.0f} %)",
+            f"{percent(way['soc_arrival'])} ({percent(way['soc_low'])[:-2]} to {percent(way['soc_high'])})",
             *_chances(plan),
         )
         for way, plan in zip(journey.to_frame().to_dict("records"), journey.ways, strict=True)

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Final
 import tripwatt as tw
 from tripwatt.errors import counted, percent
 from tripwatt.trips.showing import in_kwh, period
-from tripwatt.units import M_S_PER_KM_H, SECONDS_PER_MINUTE
+from tripwatt.units import M_S_PER_KM_H
 
 if TYPE_CHECKING:
     from tripwatt.roads.journey import ChargingPlan
@@ -47,12 +47,12 @@ def forecast_in_words(forecast: tw.Forecast, subject: str = "This trip") -> str:
 def _how_far(forecast: tw.Forecast) -> str:
     """Describe length, duration and outside temperature; on the way also the time driven."""
     along = forecast.to_frame().iloc[-1]
-    text = f"{along['distance_m'] / 1000.0:.1f} km in {along['time_s'] / SECONDS_PER_MINUTE:.0f} min"
+    text = f"{along['distance_m'] / 1000.0:.1f} km in {period(along['time_s'])}"
     ambient = forecast.plan.departure.ambient_temperature_degc
     if ambient is not None:
         text += f" at {round(ambient)} °C"
     if forecast.measured_until_s > 0.0:
-        text += f", {forecast.measured_until_s / SECONDS_PER_MINUTE:.0f} min of it driven"
+        text += f", {period(forecast.measured_until_s)} of it driven"
     return text
 
 
@@ -72,7 +72,7 @@ def _arrival(forecast: tw.Forecast) -> str:
             f"({in_kwh(least)} to {in_kwh(most)} kWh) more than it holds. {arrives}"
         )
         return f"{text} At best you arrive with {percent(high)}." if percent(high) != "0 %" else text
-    text = f"Leaving with {percent(start)} you arrive with {percent(end)} ({100.0 * low:z.0f} to {percent(high)})."
+    text = f"Leaving with {percent(start)} you arrive with {percent(end)} ({percent(low)[:-2]} to {percent(high)})."
     # the battery may be empty before the end: the interval of the charge at the end says nothing of that
     return f"{text} {arrives}" if low <= 0.0 or forecast.p_arrive(0.0) < 0.95 else text
 
@@ -101,7 +101,7 @@ def _plan_in_words(plan: ChargingPlan, title: str, leaves: dt.datetime | None = 
     sentences = [
         f"{title} with {counted(len(plan.stops), 'stop')} to charge: {period(plan.duration_s)}, "
         f"{period(plan.charging_s)} of it at stations. You arrive with {percent(plan.soc_arrival)} "
-        f"({100.0 * low:z.0f} to {percent(high)}); the probability to have {percent(plan.reserve)} at every stop and at the "
+        f"({percent(low)[:-2]} to {percent(high)}); the probability to have {percent(plan.reserve)} at every stop and at the "
         f"end is {chance(plan.p_reserve)}."
     ]
     return sentences + [stop.in_words(leaves) for stop in plan.stops]
@@ -136,7 +136,7 @@ def begins(before_s: float, departs_at: dt.datetime | None) -> str:
     ('20 min before you leave', 'start at 07:10')
     """
     if departs_at is None:
-        return f"{before_s / SECONDS_PER_MINUTE:.0f} min before you leave"
+        return f"{period(before_s)} before you leave"
     return f"start at {departs_at - dt.timedelta(seconds=before_s):%H:%M}"
 
 

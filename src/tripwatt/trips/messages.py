@@ -9,6 +9,7 @@ from fractions import Fraction
 from functools import cache
 from typing import Any, Final
 
+from tripwatt.errors import percent
 from tripwatt.files import shipped_toml
 from tripwatt.trips.departure import ASKED
 from tripwatt.trips.flags import Flag
@@ -60,10 +61,11 @@ FORMS: Final[Mapping[str, Callable[[Flag], str]]] = {
     "new": lambda f: _changed(f, -1),
     "number": lambda f: f"{_number(f):.0f}",
     "general": lambda f: f"{_number(f):g}",
-    "percent": lambda f: f"{100.0 * _number(f):.0f} %",
+    "percent": lambda f: percent(_number(f)),
     "points": lambda f: f"{100.0 * _number(f):.1f}",
     "temperature": lambda f: f"{_number(f):.0f} °C",
     "speed": lambda f: f"{_number(f) / M_S_PER_KM_H:.0f} km/h",
+    "distance": lambda f: f"{_number(f) / 1000.0:.1f} km",
     "kwh": lambda f: f"{in_kwh(_number(f))} kWh",
     "span": lambda f: period(_number(f)),
     "seen": lambda f: f", {span(f.subject, *f.seen)}" if f.seen else "",
@@ -142,11 +144,11 @@ def leave_in_words(soc: float, reserve: float, probability: float) -> str:
         fraction = Fraction(probability).limit_denominator(1000)
     reserve_text = f" with {100.0 * reserve:g} % left" if reserve > 0.0 else ""
     aim = f"to arrive{reserve_text} in {fraction.numerator} of {fraction.denominator} trips"
-    percent = math.ceil(100.0 * (soc - 1.0 if soc > 1.0 else soc) - 1e-6)
+    excess = math.ceil(100.0 * (soc - 1.0 if soc > 1.0 else soc) - 1e-6)
     if soc > 1.0:
-        needed = f"{100 + percent} % of one" if soc < 2.0 else f"{soc:.1f} full batteries"
+        needed = f"{100 + excess} % of one" if soc < 2.0 else f"{soc:.1f} full batteries"
         return f"A full battery is not enough {aim}: it takes {needed}."
-    return f"{percent} % is enough {aim}." if soc > 0.0 else f"Any charge is enough {aim}."
+    return f"{excess} % is enough {aim}." if soc > 0.0 else f"Any charge is enough {aim}."
 
 
 def flag_to_dict(flag: Flag) -> dict[str, Any]:

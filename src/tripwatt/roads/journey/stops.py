@@ -12,6 +12,7 @@ import numpy as np
 import pandas as pd
 
 from tripwatt.arrays import FloatArray, running_sum
+from tripwatt.errors import percent
 from tripwatt.forecasting import Forecast
 from tripwatt.forecasting.difference import Difference
 from tripwatt.forecasting.leaving import leaving_with
@@ -155,12 +156,10 @@ class ChargingStop:
             f"after {self.position_m / 1000.0:.0f} km" if self.position_m >= START_M else "before the journey"
         )
         at = f", at {leaves + dt.timedelta(seconds=self.arrives_after_s):%H:%M}," if leaves else ""
-        arrival, leave, low, high = (
-            round(100.0 * soc) for soc in (self.soc_arrival, self.soc_leave, *self.soc_interval)
-        )
+        arrival, leave, low, high = map(percent, (self.soc_arrival, self.soc_leave, *self.soc_interval))
         text = (
             f"Charge at {self.station.place.title} ({self.station.power_in_words}) {where}{at} "
-            f"for {period(self.charging_s)}{' in the pause' * (self.pause_s > 0.0)}: you arrive there with {arrival} % ({low} to {high} %) and leave with {leave} %. "
+            f"for {period(self.charging_s)}{' in the pause' * (self.pause_s > 0.0)}: you arrive there with {arrival} ({low[:-2]} to {high}) and leave with {leave}. "
             f"Needed only below {math.ceil(100.0 * self.needed_below - 1e-6)} %."
         )
         if (full := self.if_full) is not None:
