@@ -70,8 +70,9 @@ def test_tables_have_units_and_every_kind_of_road(run: Run) -> None:
     assert "cautious (95 %)" in table
     charges = [line for line in table.splitlines() if "%" in line and not re.match(" cautious|Shares", line)]
     assert re.fullmatch(r"\d+ % is enough to arrive with 10 % left in 19 of 20 trips\.", "\n".join(charges))
-    assert "Shares of the uncertainty: car " in table
-    far = run("range", "--soc", 0.5, "--ambient", 10).out
+    assert "Shares of the uncertainty, mixed: car " in table
+    far = run("range", "--soc", 0.5, "--ambient", 10, "--kind", "motorway").out
+    assert "Shares of the uncertainty, motorway: car " in far
     assert all(kind in far for kind in ("city", "country", "motorway", "mixed"))
     assert ("--kind" in table, "--kind" in far) == (True, False)  # a range already has every kind
 

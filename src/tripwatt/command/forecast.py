@@ -324,7 +324,7 @@ def _show_need(result: tw.Need, trips: int, answer: Mapping[str, Any], leaves: d
     title = f"{times}{result.distance_m / 1000.0 / trips:.1f} km, {result.kind}, {result.title}"
     print_table(title, ("what", "value"), rows)
     say(answer["message"])
-    _show_doubt(result)
+    _show_doubt(result, result.kind)
 
 
 def range_(departure: shared.Departing, drive: Drive) -> Answer:
@@ -341,10 +341,10 @@ def range_(departure: shared.Departing, drive: Drive) -> Answer:
         car = drive.own()
         car.pop("plan", None)
         result = tw.range_km(None, drive.kind, departure(), reserve=drive.reserve, **car)
-    return Answer(result.to_dict, partial(_show_range, result))
+    return Answer(result.to_dict, partial(_show_range, result, drive.kind))
 
 
-def _show_range(result: tw.Range) -> None:
+def _show_range(result: tw.Range, kind: str) -> None:
     if result.soc <= result.reserve:
         charge, reserve = 100.0 * result.soc, 100.0 * result.reserve
         say(f"No range is left: the charge of {charge:g} % is not above the reserve of {reserve:g} %.")
@@ -357,7 +357,7 @@ def _show_range(result: tw.Range) -> None:
     title = f"Range from {percent(result.soc)} down to {percent(result.reserve)}"
     heads = ("kind of road", "likely", "middle half", "19 of 20 times at least")
     print_table(title, heads, rows, numbers=(heads[1], heads[3]))
-    _show_doubt(result)
+    _show_doubt(result, kind)
 
 
 _NARROWS: Final = {
@@ -367,14 +367,14 @@ _NARROWS: Final = {
 }
 
 
-def _show_doubt(result: tw.Need | tw.Range) -> None:
-    """Say which causes contribute to the interval, and what information would narrow it most; then the notes."""
+def _show_doubt(result: tw.Need | tw.Range, kind: str) -> None:
+    """Say which causes contribute to the interval on a kind of road, and what would narrow it most; then the notes."""
     doubt = result.doubt
     shares = ", ".join(f"{n} {percent(getattr(doubt, n))}" for n in ("car", "road", "weather", "day"))
     answered = isinstance(result, tw.Range) and doubt.narrows == "kind"  # the table has every kind
     narrows = "" if answered else _NARROWS.get(doubt.narrows or "")
     most = f" {narrows} would narrow it most, by up to {percent(doubt.narrower)}." if narrows else ""
-    say(f"Shares of the uncertainty: {shares}.{most}")
+    say(f"Shares of the uncertainty, {kind}: {shares}.{most}")
     print_few_notes(result.flags)
 
 
