@@ -49,6 +49,7 @@ def test_the_table_has_units_and_words(run: Run, route: Path) -> None:
     assert "Leaving with 5 % the battery is empty after " in empty.out
     assert "arrive with 0 %" not in empty.out
     assert "What saves energy" not in empty.out  # nothing helps on the way: no table without rows
+    assert "fewer than 1 in 20 such trips there is not listed: give a higher --soc." in empty.out
     assert "faster overall if you charge below kW" in " ".join(shown.split())
     assert "km/h at most" in shown
 

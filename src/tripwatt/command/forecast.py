@@ -203,7 +203,8 @@ def _show_advice(advice: tw.Advice) -> None:
             longer = f", {period(longer_s)} longer" if longer_s >= 0.5 * SECONDS_PER_MINUTE else ""
             say(f"{words[0].upper()}{words[1:]}: {chance(advised.p_arrive)}{longer}.")
         if not advice.least:
-            say("No three actions together are enough.")
+            rare = "One that brings fewer than 1 in 20 such trips there is not listed: give a higher --soc."
+            say(f"No three actions together are enough. {rare}")
         full_percent = math.ceil(100.0 * advice.charge_to - 1e-6)
         to = f"Charge to {full_percent} % for a probability of {percent(advice.probability)}."
         full = "A full battery is not enough: plan a stop to charge with `tripwatt plan`."
