@@ -9,6 +9,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from rich.console import Console
+from tests.roads.journey.made import A, journey
 from tests.support.drives import example_trip
 
 from tripwatt.command import printing
@@ -17,10 +18,13 @@ from tripwatt.command.sentences import (
     chance_to_arrive,
     change,
     forecast_in_words,
+    journey_in_words,
     unknown_climb_in_words,
 )
 from tripwatt.forecasting import load_model
+from tripwatt.routes.places import Place
 from tripwatt.trips import Departure, Plan
+from tripwatt.trips.showing import percent
 
 
 def made(
@@ -114,6 +118,17 @@ def test_the_packages_model_and_the_example_trip() -> None:
     np.testing.assert_allclose([energy, low, high], expected, atol=0.05)
 
 
+def test_a_round_trip_tells_the_charge_at_its_places() -> None:
+    found = journey(
+        load_model(None), stops=(A, Place(47.0, 9.1, "Inn"), Place(47.0, 9.2, "Top")), round_trip=True
+    )
+    (road, *_), said = found.roads, journey_in_words(found)
+    inn, top = (percent(road.soc_at(at_m)) for at_m in road.road.stop_position_m)
+    assert float(inn) > float(top)
+    at = said.index(f"At Inn you have {inn} %.")
+    assert said[at + 1 :] == [f"At Top you have {top} %.", found.leave]
+
+
 def test_progress_without_a_terminal_is_few_plain_lines(monkeypatch) -> None:
     now = [0.0]
     monkeypatch.setattr(printing.time, "monotonic", lambda: now[0])
@@ -142,3 +157,9 @@ def test_nothing_near_certainty_is_told_where_an_unknown_climb_would_change_it()
     high = SimpleNamespace(soc_per_climb_m=0.0002, climb_to=lambda reserve: 1234.4, plan=plan)
     (sentence,) = unknown_climb_in_words(high, 0.1)
     assert sentence.endswith("takes 2.0 points; with 1,234 m of climb you arrive with 10 %.")
+    high.plan.climb = SimpleNamespace(climb_m=np.array([0.0, 1139.2, -0.2]))
+    assert unknown_climb_in_words(high, 0.1) == [
+        "The heights of the road are unknown. By places beside it, it rises to +1,139 m and ends at +0 m, seen from the start. "
+        "Each 100 m of climb beyond these heights takes 2.0 points; with 1,234 m of climb beyond these heights you arrive "
+        "with 10 %."
+    ]

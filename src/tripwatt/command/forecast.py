@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import datetime as dt
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -262,10 +262,10 @@ class Drive:
     car: shared.Car = None
     model: shared.Model = None
 
-    def own(self) -> dict[str, Any]:
-        """Return the car as keyword arguments of `need` and `range_km`; for a user's own car also `plan`, which plans its trips."""
+    def own(self) -> tuple[dict[str, Any], Callable[[str], tw.Plan] | None]:
+        """Return the car as keyword arguments of `need` and `range_km`, and for a user's own car what plans its trips."""
         found = shared.model_and_car(self.model, self.car)
-        return found if found["car"] == self.car else found | {"plan": tw.open_car(f"{self.car}").usual_plan}
+        return found, None if found["car"] == self.car else tw.open_car(f"{self.car}").usual_plan
 
 
 def need(
@@ -296,13 +296,12 @@ def need(
         if 0.0 < plug < 500.0:
             fix = f"the value is in watts: --plug {1000.0 * plug:g}"
             raise InvalidInput.of("too little power", "--plug", f"{plug:g} W", "0, or 500 W or more", fix)
-        car = drive.own()
-        again = car.pop("plan", None)
+        car, again = drive.own()
         if (distance is None) == (trip is None) or (trip is not None and again is None):
             got = "both" if distance and trip else "a trip without its own car" if trip else "neither"
             allowed, fix = "a distance, or --trip with --car FOLDER", "tripwatt need 50 km"
             raise InvalidInput.of("what is to be driven", "DISTANCE, --trip", got, allowed, fix)
-        ahead: Any = again(trip) if trip else _kilometres(distance or [])
+        ahead: Any = again(trip) if again and trip else _kilometres(distance or [])
         known, asked = departure(), {"probability": probability, "trips": trips, "reserve": drive.reserve}
         result, document = need_before_departure(ahead, drive.kind, known, plug, **asked, **car)
         document |= {"usual_trip": trip} | ({"car": Path(f"{drive.car}").name} if again else {})
@@ -339,9 +338,7 @@ def range_(departure: shared.Departing, drive: Drive) -> Answer:
       tripwatt range --soc 0.8 --reserve 0.1 --car vw_id3 --json
     """
     with shared.options_named():
-        car = drive.own()
-        car.pop("plan", None)
-        result = tw.range_km(None, drive.kind, departure(), reserve=drive.reserve, **car)
+        result = tw.range_km(None, drive.kind, departure(), reserve=drive.reserve, **drive.own()[0])
     return Answer(result.to_dict, partial(_show_range, result, drive.kind))
 
 

@@ -82,6 +82,9 @@ def journey_in_words(journey: tw.Journey) -> list[str]:
     forecast, reserve = journey.forecast, percent(journey.reserve)
     title = " to ".join(place.title for place in journey.stops)
     sentences = [*unknown_climb_in_words(forecast, journey.reserve), forecast_in_words(forecast, title)]
+    turns_m = () if journey.charging else journey.roads[0].road.stop_position_m
+    for place, at_m in zip(journey.stops[1:], turns_m, strict=False):
+        sentences.append(f"At {place.title} you have {percent(journey.roads[0].soc_at(at_m))} %.")
     sentences.append(journey.leave)
     with_stops = journey.soc_needed_with_stops
     if with_stops is not None and with_stops <= 1.0:
@@ -112,19 +115,19 @@ def unknown_climb_in_words(forecast: tw.Forecast, reserve: float) -> list[str]:
     per_metre, climb = forecast.soc_per_climb_m, forecast.climb_to(reserve)
     if per_metre is None or climb is None:
         return []
-    change = f"; with {climb:,.0f} m of climb you arrive with {percent(reserve)}" if climb > 0.0 else ""
+    more = " of climb" if forecast.plan.climb is None else " of climb beyond these heights"
+    change = f"; with {climb:,.0f} m{more} you arrive with {percent(reserve)}" if climb > 0.0 else ""
     return [
         f"The heights of the road are unknown. {_climb_in_words(forecast.plan.climb)}"
-        f"Each 100 m of climb takes {1e4 * per_metre:.1f} points{change}."
+        f"Each 100 m{more} takes {1e4 * per_metre:.1f} points{change}."
     ]
 
 
 def _climb_in_words(known: KnownClimb | None) -> str:
     if known is None:
         return ""
-    climb_m = float(known.climb_m[-1])
-    side = "above" if climb_m >= 0.0 else "below"
-    return f"By the heights of places beside it, the end lies about {abs(climb_m):,.0f} m {side} the start. "
+    top_m, end_m = known.climb_m.max(), known.climb_m[-1]
+    return f"By places beside it, it rises to {top_m:+z,.0f} m and ends at {end_m:+z,.0f} m, seen from the start. "
 
 
 def begins(before_s: float, departs_at: dt.datetime | None) -> str:
