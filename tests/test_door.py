@@ -249,6 +249,7 @@ def test_one_forecast_in_one_call_is_that_of_the_model(model):
     assert tw.forecast(plan, departure).to_dict() == model.forecast(plan, departure).to_dict()
     other = tw.forecast(plan, departure, model=model, car="vw_id3")
     assert other.flags[0] == Flag("no_trips_of_car", model.vehicle.title)
+    assert message(other.flags[0]).endswith(f" and trips of another car, {model.vehicle.title}")
     assert other.vehicle.name == "vw_id3"
 
 
