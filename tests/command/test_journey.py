@@ -79,6 +79,24 @@ def test_a_plan_in_words(asked: Callable[..., Any]) -> None:
     assert LICENCE in printed.out + printed.err
 
 
+def test_ways_that_look_alike_are_one_row(asked: Callable[..., Any], router: RouterServer) -> None:
+    (route,) = ROADS["routes"]
+    (leg,) = route["legs"]
+
+    def slower(factor: float) -> dict[str, Any]:
+        noted = leg["annotation"]
+        seconds = [factor * s for s in noted["duration"]]
+        slow = noted | {"duration": seconds, "speed": [s / factor for s in noted["speed"]]}
+        return route | {"legs": [leg | {"annotation": slow, "duration": sum(seconds)}]}
+
+    router.document = ROADS | {"routes": [route, slower(1.5), slower(1.5001), slower(2.0)]}
+    plan = ("plan", "Westend", "Ostheim", "--soc", 0.8, "--ambient", 15)
+    roads = json.loads(asked(*plan, "--json").out)["roads"]
+    rows = [line for line in asked(*plan).out.splitlines() if line.startswith(" ") and " km " in line]
+    assert (len(roads), len(rows)) == (4, 3)
+    assert [row.split()[0] for row in rows[1:]] == ["road", "road"]
+
+
 def test_options_of_a_plan_count(asked: Callable[..., Any]) -> None:
     def energy(*more: object) -> Any:
         printed = asked("plan", "Westend", "Ostheim", "--soc", 0.8, "--ambient", -5, "--json", *more)

@@ -104,9 +104,8 @@ def reach(
 def _show_reach(area: Reach) -> None:
     rows = []
     for level, corners in area.outlines.items():
-        away_m = [area.start.distance_m(corner) for corner in corners]
-        ends = (f"{distance_m / 1000.0:.0f} km" for distance_m in (min(away_m), max(away_m)))
-        rows.append((f"{100.0 * level:.0f} %", *ends))
+        away_km = [area.start.distance_m(corner) / 1000.0 for corner in corners]
+        rows.append((f"{100.0 * level:.0f} %", f"{min(away_km):.0f} km", f"{max(away_km):.0f} km"))
     columns = ("probability", "nearest", "farthest")
     print_table(f"Reach from {area.start.title}", columns, rows, numbers=columns[1:])
     print_notes([*([trips.Flag("map_ends", "reach")] if area.map_ends else []), area.attribution])
@@ -158,6 +157,7 @@ def _show(journey: tw.Journey) -> None:
         )
         for way, plan in zip(journey.to_frame().to_dict("records"), journey.ways, strict=True)
     ]
+    rows = [row for k, row in enumerate(rows) if row[:-2] not in [before[:-2] for before in rows[:k]]]
     with_reserve = f"{100.0 * journey.reserve:g} % or more"
     columns = ("way", "length", "time", "stops", "energy", "arrival with", "arrives", with_reserve)
     print_table(f"Ways, given {journey.forecast.given}", columns, rows, numbers=columns[1:5])
