@@ -7,7 +7,7 @@ import os
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Final, TypeVar
 
@@ -116,8 +116,6 @@ class ParquetTable:
         Number of values of each column, and bytes of its inflated pages (`column_sizes`).
     faults : list of Fault
         Faults are appended to this list.
-    units : mapping of str to str
-        Empty: a Parquet schema has no units.
     """
 
     path: Path
@@ -125,7 +123,6 @@ class ParquetTable:
     values: Mapping[str, int]
     inflated: Mapping[str, int]
     faults: list[Fault]
-    units: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def names(self) -> Sequence[str]:
@@ -133,7 +130,7 @@ class ParquetTable:
         names = map(str, self.file.schema_arrow.names)
         return [name for name in names if not re.fullmatch(r"__index_level_\d+__", name)]
 
-    def read(self, name: str) -> pa.ChunkedArray:
+    def read(self, name: str) -> pd.Series:
         """Read one column, if neither its pages nor the texts of its rows exceed `MAX_CONTENT_BYTES`.
 
         Raises
@@ -143,8 +140,7 @@ class ParquetTable:
         """
         import pyarrow as pa
 
-        where, rows = f"{self.path} column {name!r}", self.file.metadata.num_rows
-        column, size = None, self.inflated[name]
+        rows, size = self.file.metadata.num_rows, self.inflated[name]
         try:
             if not _is_plain(self.file.schema_arrow.field(name).type):
                 raise TypeError("values that are neither numbers, times nor texts")
@@ -154,30 +150,21 @@ class ParquetTable:
                 # texts are read as a dictionary, so that a text that is in every row is held once
                 column = self.file.read(columns=[name], use_threads=False)[name]
                 size = sum(map(_text_size, column.chunks))
+            if size <= MAX_CONTENT_BYTES:
+                return pd.Series(column.to_pandas())
         except MemoryError:  # Arrow's MemoryError is an ArrowException as well
             raise
-        except (*UNFOLLOWED, OSError, pa.ArrowException) as error:
+        except (*UNFOLLOWED, OSError, pa.ArrowException) as error:  # also of a text that is not UTF-8
             raise InvalidInput(_unreadable(self.path, error)) from error
-        if column is None or size > MAX_CONTENT_BYTES:
-            got = f"{size} bytes when inflated"
-            raise InvalidInput.of("column too large", where, got, f"at most {MAX_CONTENT_BYTES} bytes")
-        return column
-
-    def _column(self, name: str) -> pd.Series:
-        import pyarrow as pa
-
-        column = self.read(name)
-        try:
-            return pd.Series(column.to_pandas())
-        except (ValueError, pa.ArrowException) as error:  # a text that is not UTF-8
-            raise InvalidInput(_unreadable(self.path, error)) from error
+        where, got = f"{self.path} column {name!r}", f"{size} bytes when inflated"
+        raise InvalidInput.of("column too large", where, got, f"at most {MAX_CONTENT_BYTES} bytes")
 
     def numbers(self, names: Sequence[str]) -> list[FloatArray]:
         """Read columns as float64; every column that is not numeric is a fault."""
         columns: list[FloatArray] = []
         for name in names:
             where = f"{self.path} column {name!r}"
-            column = self._column(name)
+            column = self.read(name)
             if pd.api.types.is_datetime64_any_dtype(column.dtype):
                 fix = 'in a mapping: unit = "timestamp"'
                 raise InvalidInput.of("not a number", where, f"{column.dtype}", "numbers", fix)
@@ -193,7 +180,7 @@ class ParquetTable:
 
     def texts(self, name: str) -> list[str]:
         """Read one column as texts; missing values are empty."""
-        column = self._column(name)
+        column = self.read(name)
         return ["" if missing else str(value) for value, missing in zip(column, column.isna(), strict=True)]
 
     def row(self, index: int) -> int:
