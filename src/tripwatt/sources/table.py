@@ -333,7 +333,6 @@ PLACES: Final = (
 )
 ODOMETER: Final = re.compile(r"^(odo|odometer|mileage|kilometerstand|v p odometer)\b")
 M_PER_DEGREE: Final = 111_195.0
-MIN_M: Final = 2000.0
 NEAR: Final = 0.15
 """Tolerance of the logarithm of a ratio of distances: units of speed differ by a factor of 1.6 or more, distances by a few percent."""
 
@@ -402,12 +401,9 @@ def speed_unit_of(assumed: str, distances: Iterable[Distances]) -> str:
     """
     total = Distances(*np.sum([Distances(), *distances], axis=0))
     # by positions, or else by the odometer, which counts whole kilometres
-    pairs = (
-        (total.positions, total.speed_at_positions, MIN_M),
-        (total.odometer, total.speed_at_odometer, 20_000.0),
-    )
+    pairs = ((*total[:2], 2000.0), (*total[2:], 20_000.0))
     ratio = next(
-        (moved / by_speed for moved, by_speed, min_m in pairs if by_speed > 0.0 and moved >= min_m), 1.0
+        (moved / by_speed for by_speed, moved, min_m in pairs if by_speed > 0.0 and moved >= min_m), 1.0
     )
     factor = SPEED_UNITS.get({"kmh": "km/h", "kph": "km/h"}.get(assumed, assumed))
     if factor is None or abs(np.log(ratio)) < NEAR:
