@@ -67,21 +67,21 @@ def stamp_format(texts: Sequence[str]) -> tuple[str, str] | None:
     >>> stamp_format(["31.05.2024 08:00:00"])[0], stamp_format(["Monday"])
     ('%d.%m.%Y %H:%M:%S', None)
     """
-    filled = [text for text in texts if text]
-    probe = pd.Series(filled[:200] + filled[-50:], dtype=object)
-    if not len(probe):
-        return None
-
-    def fits(form: str) -> bool:
-        return bool(pd.to_datetime(probe, format=form, utc=True, errors="coerce").notna().all())
-
-    if fits("ISO8601"):
+    if fits(texts, "ISO8601"):
         return "", "time stamps, ISO 8601"
-    fitting = [form for form in vocabulary()["stamps"] if fits(form)]
+    fitting = [form for form in vocabulary()["stamps"] if fits(texts, form)]
     if not fitting:
         return None
     unclear = "" if len(fitting) == 1 else f"; CHECK: may be {' or '.join(fitting[1:3])}"
-    return fitting[0], f"time stamps such as {filled[0]}{unclear}"
+    return fitting[0], f"time stamps such as {next(filter(None, texts))}{unclear}"
+
+
+def fits(texts: Sequence[str], form: str) -> bool:
+    """Whether there are texts besides empty ones, and the first 200 and last 50 are times in a `strptime` format."""
+    filled = [text for text in texts if text]
+    probe = pd.Series(filled[:200] + filled[-50:], dtype=object)
+    stamps = pd.to_datetime(probe, format=form, utc=True, errors="coerce")
+    return len(probe) > 0 and bool(stamps.notna().all())
 
 
 def unit_of_values(ours: str, known: FloatArray) -> tuple[str, str]:

@@ -28,6 +28,7 @@ from tripwatt.sources.evidence import (
     Flow,
     Guess,
     best_flow,
+    fits,
     speed_unit,
     stamp_format,
     unit_of_values,
@@ -305,7 +306,7 @@ def _with_day(guess: Guess, table: TableFile, beside: Sequence[Path]) -> Guess:
     if clock_only(guess.format):
         day_name = re.compile(r"\b(date|day|datum|tag|fecha|jour)\b")
         for name in (n for n in table.names if n != guess.column and day_name.search(words(n))):
-            form = next((f for f in DAY_FORMATS if _fits(table.texts(name), f)), None)
+            form = next((f for f in DAY_FORMATS if fits(table.texts(name), f)), None)
             if form is not None:
                 why = f"{guess.why}; the day is in {quoted(name)}"
                 guess = replace(guess, date=name, format=f"{form} {guess.format}", why=why)
@@ -319,11 +320,6 @@ def _with_day(guess: Guess, table: TableFile, beside: Sequence[Path]) -> Guess:
     if decided == guess.format:
         return guess
     return replace(guess, format=decided, why=f"{guess.why.partition('; CHECK')[0]}; by all files {decided}")
-
-
-def _fits(texts: Sequence[str], form: str) -> bool:
-    sample = pd.Series([text for text in (*texts[:50], *texts[-50:]) if text], dtype=object)
-    return len(sample) > 0 and bool(pd.to_datetime(sample, format=form, errors="coerce").notna().all())
 
 
 def _trip_column(table: TableFile, columns: Mapping[str, FloatArray]) -> tuple[str | None, BoolArray]:
