@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from tests.routes.made import M_PER_DEGREE, NO, SPEED, drive, gpx
 from tests.support.refusals import refusal, refuses
 
+import tripwatt as tw
 from tripwatt.errors import InvalidInput
 from tripwatt.routes import Track, parse_route
 from tripwatt.routes.tracks import EARLIEST_YEAR, LATEST_YEAR, _parse_time, parse_times
@@ -233,6 +234,31 @@ class TestLoggedPlan:
         assert plan.departure.departs_at == start
         assert plan.flags[0] == known[0]
         assert len(plan.flags) == 2  # and a flat road
+
+
+def at_moments(seconds, stamps):
+    """The track of `SPEED` with points at some seconds that have these stamps."""
+    driven = np.interp(seconds, np.arange(len(SPEED)), np.cumsum(SPEED))
+    times = [f"{dt.datetime(2026, 5, 1, 8) + dt.timedelta(seconds=float(s))}Z" for s in stamps]
+    places = (48.0 + driven / M_PER_DEGREE).tolist()
+    return parse_route(gpx([(place, 11.0, 500.0, time) for place, time in zip(places, times, strict=True)]))
+
+
+@pytest.mark.parametrize("step_s", [0.7, 1.05, 1.1, 1.5, 2.5, 4.5, 4.9, 5.4, 7.5])
+def test_stamps_cut_to_whole_seconds_give_the_energy_of_exact_ones(step_s):
+    seconds = np.arange(0.3, len(SPEED) - 1.0, step_s)
+    tracks = [at_moments(seconds, stamps) for stamps in (seconds, np.floor(seconds))]
+    exact, cut = (tw.forecast(track.plan(), car="vw_id3").energy_wh for track in tracks)
+    assert cut == pytest.approx(exact, rel=0.1)
+    assert tracks[1].time_s == pytest.approx(seconds - seconds[0], abs=1.0)
+
+
+@pytest.mark.parametrize("lost", [0.0, 0.05, 0.3, 0.7])
+def test_exact_whole_seconds_stay(lost):
+    """A logger of 1 Hz that lost points, and then a pause: the distances follow the stamps."""
+    seconds = np.flatnonzero(np.random.default_rng(1).random(len(SPEED)) >= lost)
+    stamps = seconds + 2700.0 * (seconds > 200)
+    assert (at_moments(seconds, stamps).time_s == stamps - stamps[0]).all()
 
 
 def drive_of(seconds, zone="Z"):

@@ -15,7 +15,7 @@ from tripwatt.errors import InvalidInput, excerpt
 from tripwatt.files import shipped_toml
 from tripwatt.routes.documents import Node
 from tripwatt.routes.links import FASTEST_LINK_M_S, first_of_several
-from tripwatt.routes.points import MAX_POINTS
+from tripwatt.routes.points import MAX_POINTS, haversine_m
 from tripwatt.routes.tracks import TIME_ALLOWED, Track, parse_times
 from tripwatt.trips import Flag
 from tripwatt.units import M_S_PER_KM_H
@@ -123,7 +123,7 @@ class _Reader:
             got, allowed = f"{len(times)} times, {len(points)} points", "a time for each point"
             raise InvalidInput.of("times and points differ in number", self.name, got, allowed)
         latitude, longitude, height = np.array(points, dtype=np.float64).T
-        time, started_at, flags = parse_times(times, self.name)
+        time, started_at, flags = parse_times(times, self.name, haversine_m(latitude, longitude))
         flags = (*first_of_several("tracks and routes", len(lines)), *flags)
         unknown = np.full(len(height) - 1, np.nan)
         return Track(latitude, longitude, height, time, unknown, started_at, flags)
@@ -234,7 +234,8 @@ def track_from_geojson(document: Node) -> Track:
     points = np.concatenate([line for line, _, _ in lines])
     # the piece that joins two lines has the speed of the second one
     speed = np.concatenate([np.full(len(line), speed_m_s) for line, speed_m_s, _ in lines])[1:]
-    time, started_at, flags = parse_times([text for _, _, texts in lines for text in texts], document.where)
+    texts = [text for _, _, part in lines for text in part]
+    time, started_at, flags = parse_times(texts, document.where, haversine_m(points[:, 0], points[:, 1]))
     if skipped:
         flags = (*flags, Flag("geometries_skipped", "geometries", float(skipped), "1"))
     return Track(points[:, 0], points[:, 1], points[:, 2], time, speed, started_at, flags)

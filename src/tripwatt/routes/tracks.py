@@ -320,7 +320,6 @@ class Track:
         span = float(known_s[-1])
         time = np.arange(max(math.ceil(span - 1e-9), 1) + 1, dtype=np.float64)
         before, after = np.maximum(time - _WINDOW_S, 0.0), np.minimum(time + _WINDOW_S, span)
-        after = np.maximum(after, before + 1e-9)
         speed = (np.interp(after, known_s, driven) - np.interp(before, known_s, driven)) / (after - before)
         speed = np.where(speed < _STANDING_M_S, 0.0, speed)
         fast = np.flatnonzero(speed > FASTEST_LINK_M_S)
@@ -340,34 +339,65 @@ class Track:
 
 
 def parse_times(
-    texts: list[str], where: str
+    texts: list[str], where: str, step_m: FloatArray | None = None
 ) -> tuple[FloatArray | None, dt.datetime | None, tuple[Flag, ...]]:
     """Times of points as seconds from the first point, the time of the first point, and flags.
 
     A missing time is interpolated between its neighbours, as is one that repeats that of the point before; at an end it continues with the
     mean step. Returns None for both times if more than `_MAX_WITHOUT_TIME` of the points are at an end without one.
-    In times without zone, the hour by which clocks change to or from summer time is taken out.
+    In times without zone, the hour by which clocks change to or from summer time is taken out. Whole seconds count as cut if the
+    distances `step_m` between the points show it.
     """
-    if not any(texts):
+    given = np.flatnonzero([*map(bool, texts)])
+    if not len(given):
         return None, None, ()
-    given = [k for k, text in enumerate(texts) if text]
     if given[-1] - given[0] < (1.0 - _MAX_WITHOUT_TIME) * (len(texts) - 1):
         return None, None, (Flag("times_ignored", "track"),)
     times = [
         _parse_time(text, f"{where}, point {k}") if text else None for k, text in enumerate(texts, start=1)
     ]
     values = np.array([math.nan if moment is None else moment.timestamp() for moment in times])
-    known = np.flatnonzero(np.isfinite(values))
-    flags = () if len(known) == len(values) else (Flag("times_interpolated", "track"),)
-    values[known[1:][np.diff(values[known]) == 0.0]] = np.nan
+    flags = () if len(given) == len(values) else (Flag("times_interpolated", "track"),)
+    values[given[1:][np.diff(values[given]) == 0.0]] = np.nan
     known = np.flatnonzero(np.isfinite(values))
     at, step_s = np.arange(len(values)), (values[known[-1]] - values[known[0]]) / max(known[-1] - known[0], 1)
     beyond = np.minimum(at - known[0], 0) + np.maximum(at - known[-1], 0)
     values = np.interp(at, known, values[known]) + step_s * beyond
     if dt.datetime.fromisoformat(texts[given[0]]).tzinfo is None:
         values = values - _clock_change(values)
+    are_whole = not any(moment.microsecond for moment in times if moment)
+    if step_m is not None and are_whole and (np.diff(values) >= 0.0).all():
+        values = _even_times(values, step_m)
     started = times[given[0]]
     return values - values[0], started and started - dt.timedelta(seconds=step_s * given[0]), flags
+
+
+def _even_times(time_s: FloatArray, step_m: FloatArray) -> FloatArray:
+    """Return the times of points that were cut to whole seconds, as even as the cut allows; exact times stay as they are. O(points).
+
+    Either the times are exact, or they were cut and the steps between them are even. The distances tell: the share of the changes
+    of the steps that they follow is 1 or 0. From 0.75 on the times stay, up to 0.25 they are even, in between they are mixed.
+    """
+    step_s = np.diff(time_s)
+    usual_s = float(np.median(step_s))
+    # a gap counts as one usual step, at its speed
+    scale = np.where(step_s > 2.0 * usual_s + 1.0, usual_s / np.maximum(step_s, 1.0), 1.0)
+    time = even = running_sum(step_s * scale)
+    for _ in range(3):
+        even = np.clip(_mean_of_near(even), time - 0.5, time + 0.5)
+    near_m, near_s = (np.diff(_mean_of_near(values)) for values in (running_sum(step_m * scale), even))
+    speed = near_m / np.maximum(near_s, 1e-9)
+    # second differences hardly contain the changes of the speed
+    uneven = np.diff(speed * np.diff(time - even), 2)
+    left = np.diff(step_m * scale - speed * np.diff(even), 2)
+    # 1.0 m²: changes of less show nothing, and the times stay
+    share = (uneven @ left + 1.0) / (uneven @ uneven + 1.0)
+    return time_s + np.clip(1.5 - 2.0 * share, 0.0, 1.0) * (even - time)
+
+
+def _mean_of_near(values: FloatArray) -> FloatArray:
+    """Mean of the values from 5 points before to 5 after each one, a choice; a straight line stays."""
+    return np.convolve(np.pad(values, 5, "reflect", reflect_type="odd"), np.full(11, 1.0 / 11.0), "valid")
 
 
 def _clock_change(seconds: FloatArray) -> FloatArray:
