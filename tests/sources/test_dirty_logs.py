@@ -15,6 +15,7 @@ from tools.data.dirty_logs import FORMATS, write_dirty_folder
 import tripwatt as tw
 from tripwatt.errors import InvalidInput
 from tripwatt.sources.kinds import proposed_kinds
+from tripwatt.sources.suggest import suggest_mapping
 from tripwatt.sources.table import read_table
 from tripwatt.vehicles import load_vehicle
 
@@ -156,19 +157,27 @@ def test_kinds_are_files_with_the_same_columns_and_keep_their_numbers(tmp_path: 
 
 
 @pytest.mark.parametrize(
-    ("names", "form"),
-    [(("Datum", "Uhrzeit"), "%d.%m.%Y"), (("Date", "Time"), "%m/%d/%Y"), (("Tag", "Zeit"), "%Y-%m-%d")],
+    ("names", "form", "time"),
+    [
+        (("Datum", "Uhrzeit"), "%d.%m.%Y", "%H:%M:%S"),
+        (("Datum", "Uhrzeit"), "%d.%m.%Y", "%H:%M:%S,%f"),
+        (("Date", "Time"), "%m/%d/%Y", "%H:%M:%S.%f"),
+        (("Tag", "Zeit"), "%Y-%m-%d", "%H:%M:%S"),
+    ],
 )
-def test_day_and_time_in_two_columns_are_one_time(tmp_path: Path, names: tuple[str, str], form: str) -> None:
+def test_day_and_time_in_two_columns_are_one_time(
+    tmp_path: Path, names: tuple[str, str], form: str, time: str
+) -> None:
     for day in (13, 14):
         table = drive(start=f"2024-05-{day} 08:00:00")
         clock = pd.to_datetime(table.pop("Time"))
-        table.insert(0, names[1], clock.dt.strftime("%H:%M:%S"))
+        table.insert(0, names[1], clock.dt.strftime(time))
         table.insert(0, names[0], clock.dt.strftime(form))
-        written(tmp_path / "logs", f"{day}.csv", table.to_csv(index=False))
+        written(tmp_path / "logs", f"{day}.csv", table.to_csv(index=False, sep=";"))
     fleet = tw.read_logs(tmp_path / "logs", "table")
     assert [f"{log.context.started_at}" for log in fleet.logs] == [
         "2024-05-13 08:00:00",
         "2024-05-14 08:00:00",
     ]
     assert {log.duration_s for log in fleet.logs} == {299.0}
+    assert suggest_mapping(tmp_path / "logs").unused == ()

@@ -319,7 +319,11 @@ def test_the_unit_of_an_unlisted_current_and_speed_counts(tmp_path, unit, factor
 
 def test_a_time_as_torque_writes_it_and_minutes_of_a_spreadsheet_are_read(tmp_path) -> None:
     d = drive(1000)
-    for name, form in (("GPS Time", "%a %b %d %H:%M:%S GMT+01:00 %Y"), ("time", "%M:%S.%f")):
+    for name, form in (
+        ("GPS Time", "%a %b %d %H:%M:%S GMT+01:00 %Y"),
+        ("time", "%M:%S.%f"),
+        ("time", "%M:%S,%f"),
+    ):
         shifted = d.assign(t=d.t + 3000.0)  # minutes pass the full hour
         table = {name: stamps(shifted, form), "Speed (km/h)": d.v * 3.6, "U (V)": d.u, "I (A)": d.i}
         file = tmp_path / "drive.csv"

@@ -240,7 +240,7 @@ def suggest_mapping(path: Path | str, names: Sequence[str] = (), beside: Sequenc
     if vehicle:
         count = len(set(table.texts(vehicle)) - {""})
         sections["trip"].append(f"vehicle = {quoted(vehicle)}  # {count} in this file")
-    used = {g.column for g in guesses.values()} | keys
+    used = {name for g in guesses.values() for name in (g.column, g.date)} | keys
     unused = [n for n in dict.fromkeys(table.names) if n and n not in used]
     suggestion = _suggestion_of(path, guesses, sections, _missing_entries(guesses), unused, shipped)
     return replace(suggestion, unfit=tuple(_unfit(path, table, columns, guesses)))
