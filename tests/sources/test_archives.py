@@ -153,6 +153,18 @@ def test_readers_read_what_was_unpacked(tmp_path: Path) -> None:
         assert tables == tmp_path / "missing.csv"
 
 
+@pytest.mark.parametrize(("source", "files"), [("", ["b.csv", "c.csv"]), ("logs.zip", ["logs.zip/b.csv"])])
+def test_a_fault_names_what_the_user_gave(tmp_path: Path, source: str, files: list[str]) -> None:
+    (tmp_path / "logs.zip").write_bytes(zipped({"a.csv": CSV, "b.csv": b"Time;Speed"}))
+    (tmp_path / "c.csv").write_bytes(b"Time;Speed")
+    report = read_logs(tmp_path / source, "table").report
+    assert report is not None
+    assert [fault.where for fault in report.faults] == [f"{tmp_path / file}" for file in files]
+    (tmp_path / "bad.zip").write_bytes(b"PK")
+    with pytest.raises(InvalidInput, match=f"unreadable archive: {tmp_path / 'bad.zip'}"):
+        read_logs(tmp_path / "bad.zip", "table")
+
+
 @given(st.text(max_size=200))
 def test_a_safe_name_is_one_part_of_a_path(name: str) -> None:
     made = safe_name(name, ".csv")

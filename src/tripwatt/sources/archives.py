@@ -5,20 +5,18 @@ from __future__ import annotations
 import csv
 import datetime as dt
 import filecmp
-import io
 import itertools
 import re
-import shutil
 import tempfile
 import zipfile
 import zlib
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path, PurePosixPath
-from typing import IO, Any, Final
+from typing import Any, Final
 
 from tripwatt.containers import CELLS, LIMITS, TABLES, Budget, open_archive
-from tripwatt.errors import Fault, InvalidInput
+from tripwatt.errors import Fault, InvalidInput, raise_faults
 from tripwatt.files import move_new, read_file
 from tripwatt.sources.columnar import PARQUET, SUFFIXES, require_small_columns
 from tripwatt.sources.delimited import MAX_COLUMNS
@@ -121,6 +119,7 @@ def unpacked(path: Path | str, faults: list[Fault]) -> Iterator[Path]:
                 unpack(file, Path(folder))
             except InvalidInput as error:
                 faults += error.faults
+        raise_faults(() if any(Path(folder).iterdir()) else faults)
         yield Path(folder)
 
 
@@ -132,7 +131,8 @@ def _tables(place: Path, data: bytes, folder: Path, budget: Budget) -> Iterator[
     elif kind == WORKBOOK:
         yield from _from_workbook(place, data, folder, budget)
     elif kind in SUFFIXES:
-        table = _written(folder, place.name, io.BytesIO(data))
+        table = _free(folder, place.name)
+        table.write_bytes(data)
         if kind == PARQUET:
             require_small_columns(table)
         yield table
@@ -158,13 +158,10 @@ def _last_part(name: str) -> str:
     return PurePosixPath(name.replace("\\", "/")).name
 
 
-def _written(folder: Path, name: str, data: IO[bytes]) -> Path:
-    """Write a table into a folder under a free name, and return its path."""
+def _free(folder: Path, name: str) -> Path:
+    """A path in a folder that is not taken, with a safe name."""
     wanted = folder / safe_name(name, PurePosixPath(name).suffix.lower())
-    place = next(place for place in _names(wanted) if not place.exists())
-    with place.open("wb") as file:
-        shutil.copyfileobj(data, file)
-    return place
+    return next(place for place in _names(wanted) if not place.exists())
 
 
 def _kept(table: Path, folder: Path) -> Path:
@@ -215,8 +212,7 @@ def _from_workbook(place: Path, data: bytes, folder: Path, budget: Budget) -> It
         tables = [(title, table) for title, (count, table) in read if count > 1]
         for title, table in tables:
             stem = place.stem if len(tables) == 1 else f"{place.stem} {title}"
-            with table.open("rb") as source:
-                yield _written(folder, f"{stem}.csv", source)
+            yield table.rename(_free(folder, f"{stem}.csv"))
 
 
 def _write_table(rows: Iterator[list[Any]], folder: Path, budget: Budget) -> tuple[int, Path]:

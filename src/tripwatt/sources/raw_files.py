@@ -94,11 +94,12 @@ class RawFile:
         names = self.table.names if self.table is not None and mapping.long_name is None else ()
         return [name for name in names if name not in used]
 
-    @property
-    def reading(self) -> FileReading:
-        """Summary of what was read from the file."""
-        counts = self.rows, self.rows_used, self.logs
-        return FileReading(self.path.name, *counts, tuple(self.faults), self.kind)
+    def reading(self, source: Path) -> FileReading:
+        """Summary of what was read from the file, which was unpacked or is in the source that the user gave, or is it."""
+        counts, folder = (self.rows, self.rows_used, self.logs), self.path.parent
+        shown = folder if folder == source.parent else source
+        faults = [replace(f, where=f.where.replace(f"{folder}", f"{shown}", 1)) for f in self.faults]
+        return FileReading(self.path.name, *counts, tuple(faults), self.kind)
 
 
 def open_raw_file(path: Path, mapping: ColumnMapping, names: Sequence[str], kind: int) -> RawFile:

@@ -126,7 +126,8 @@ def read_kinds(
     drives = join_continued(name_uniquely(drop_copies(drives)))
     logs = _logs(drives)
     packed = [FileReading(Path(fault.where).name, faults=(fault,)) for fault in faults]
-    report = ReadingReport((*packed, *(file.reading for file in sorted(files, key=lambda file: file.path))))
+    ordered = sorted(files, key=lambda file: file.path)
+    report = ReadingReport((*packed, *(file.reading(path) for file in ordered)))
     if strict or not logs:
         raise_faults(grouped(report.faults))
     if not logs:
