@@ -299,6 +299,22 @@ def test_a_power_whose_name_is_not_listed_is_no_current(tmp_path, name, factor, 
     assert energy_of(file) == pytest.approx(true_wh, rel=0.01)
 
 
+def test_a_power_in_watts_that_is_called_kilowatts_is_named(tmp_path) -> None:
+    """A single impossible value is of a logger that failed, and is left out alone."""
+    d, file = drive(), tmp_path / "drive.csv"
+    kilowatts = d.u * d.i / 1000.0 + 5.0
+    table = pd.DataFrame(
+        {"Time (s)": d.t, "Speed (km/h)": d.v * 3.6, "Power (kW)": kilowatts, "SoC (%)": 80.0}
+    )
+    table.assign(**{"Power (kW)": 1000.0 * kilowatts}).to_csv(file, index=False)
+    refuses("column 'Power .kW.'.*the unit appears to be W; convert it to kW", read_table, file)
+    table.loc[7, "Power (kW)"] *= 1000.0
+    table.to_csv(file, index=False)
+    read = read_table(file)
+    assert [fault.fix for fault in read.report.faults] == ["check the unit in the mapping"]
+    assert np.flatnonzero(read.logs[0].samples["current_a"].isna()).tolist() == [7]
+
+
 @pytest.mark.parametrize("other", [{}, {"SoC (%)": 80.0}])
 def test_a_column_that_may_be_power_or_current_is_not_guessed(tmp_path, other) -> None:
     """Without a voltage, a name or a unit, both are possible: 3 kW is not 3 A."""

@@ -138,12 +138,8 @@ def speed_unit(assumed: str, mass_kg: float) -> tuple[str, str]:
     >>> speed_unit("m/s", 125.0)[0], speed_unit("m/s", 1650.0)[0]
     ('km/h', 'm/s')
     """
-    assumed_factor = SPEED_UNITS.get(assumed)
-    masses = {
-        unit: mass_kg * (assumed_factor / factor) ** 2
-        for unit, factor in SPEED_UNITS.items()
-        if assumed_factor
-    }
+    known = SPEED_UNITS.get(assumed, np.nan)  # an unknown unit gives no mass, which fits nothing
+    masses = {unit: mass_kg * (known / factor) ** 2 for unit, factor in SPEED_UNITS.items()}
     fitting = {u: m for u, m in masses.items() if LIGHTEST_KG <= m <= HEAVIEST_KG}
     if not fitting:  # samples every few seconds hide part of the acceleration
         fitting = {u: m for u, m in masses.items() if FURTHEST_KG[0] <= m <= FURTHEST_KG[1]}

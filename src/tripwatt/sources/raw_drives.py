@@ -19,6 +19,7 @@ from tripwatt.sources.mapping import ENERGY, POWER, UNITS, ColumnMapping
 from tripwatt.sources.raw_files import NEEDED, RawFile, in_our_unit
 from tripwatt.trips import COLUMNS, Context, Flag, Log
 from tripwatt.trips.coarse_speed import rebuild_speed
+from tripwatt.trips.columns import Column
 from tripwatt.trips.energy import resolution
 from tripwatt.vehicles import load_vehicle
 
@@ -28,6 +29,8 @@ CHANGED: Final = {
     "clock_daylight_saving": ("clock was set", "an hour was taken out"),
 }
 """Code of a correction of times -> the texts `what` and `got` of its fault."""
+LIMITS: Final = COLUMNS | {POWER: Column("W", -2e6, 2e6, "power at the battery terminals")}
+"""Our columns with the range of their values; that of the power is a choice, above the power of any car or truck on the road."""
 OCV_PARTS: Final = 1000
 
 
@@ -149,10 +152,10 @@ def _blank_wrong(file: RawFile, ours: dict[str, FloatArray]) -> None:
     Raises
     ------
     InvalidInput
-        When no value of the speed can be used.
+        When no value of the speed can be used, or many values of the power are impossible: a state of charge is no stand-in for it.
     """
-    for name in [name for name in ours if name in COLUMNS and name != "time_s"]:
-        column, entry, values = COLUMNS[name], file.entries[name], ours[name]
+    for name in [name for name in ours if name in LIMITS and name != "time_s"]:
+        column, entry, values = LIMITS[name], file.entries[name], ours[name]
         lowest = -10.0 if name == "speed_m_s" else column.minimum  # m/s, of a car that reverses
         bad = np.flatnonzero((values < lowest) | (values > column.maximum))
         known = int(np.isfinite(values).sum())
@@ -161,7 +164,7 @@ def _blank_wrong(file: RawFile, ours: dict[str, FloatArray]) -> None:
         where, allowed = f"{file.path} column {entry.column!r}", f"{name} in {entry.unit}"
         empty = Fault("empty column", where, "no value", allowed)
         fault = _range_fault(file, name, bad, lowest) if known else empty
-        if name in NEEDED and len(bad) == known:
+        if (len(bad) > 0.2 * known and name == POWER) or (len(bad) == known and name in NEEDED):
             raise InvalidInput([fault])
         is_named = any(repr(entry.column) in other.where for other in file.faults)
         if known or not (entry.optional or is_named):
@@ -176,7 +179,7 @@ def _blank_wrong(file: RawFile, ours: dict[str, FloatArray]) -> None:
 
 
 def _range_fault(file: RawFile, name: str, bad: IntArray, lowest: float) -> Fault:
-    column, entry, raw = COLUMNS[name], file.entries[name], file.values[name]
+    column, entry, raw = LIMITS[name], file.entries[name], file.values[name]
     values = in_our_unit(file, name)
     factor, offset = UNITS[name][entry.unit]
     low, high = sorted(((lowest - offset) / factor, (column.maximum - offset) / factor))
@@ -187,7 +190,10 @@ def _range_fault(file: RawFile, name: str, bad: IntArray, lowest: float) -> Faul
     got = f"{raw[worst]:g} {entry.unit}" + and_more(bad)
     is_12_v = name == "voltage_v" and 9.0 <= float(np.nanmedian(values)) <= 16.0
     traction = "map the voltage of the traction battery, not of the 12 V on-board system"
-    fix = traction if is_12_v else "check the unit in the mapping"
+    # 0.2: as for a column that is not used at all
+    is_watts = (name, entry.unit) == (POWER, "kw") and len(bad) > 0.2 * len(values)
+    usual = "the unit appears to be W; convert it to kW" if is_watts else "check the unit in the mapping"
+    fix = traction if is_12_v else usual
     return Fault("value out of range", where, got, f"{low:g} to {high:g} {entry.unit}", fix, count=len(bad))
 
 

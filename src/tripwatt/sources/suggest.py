@@ -46,8 +46,6 @@ from tripwatt.sources.naming import (
 )
 from tripwatt.trips import COLUMNS
 
-HOLD_S: Final = 10
-
 SPELLED: Final[Mapping[str, str]] = {
     unit.lower(): unit
     for unit in ("V", "mV", "kV", "A", "mA", "dA", "cA", "W", "kW", "PS", "degC", "degF", "K", "Nm")
@@ -115,7 +113,7 @@ def _sections_of(
     # it changes
     if missing.get(column, 0.0) > 0.2:
         why = f"{percent(missing[column])} of {quoted(column)} is missing: the last value is held"
-        sections["file"].append(f"hold_s = {HOLD_S}  # {why}")
+        sections["file"].append(f"hold_s = 10  # {why}")
     return sections
 
 
