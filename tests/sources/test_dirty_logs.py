@@ -120,6 +120,15 @@ def test_rows_cut_in_quotes_are_seen(tmp_path: Path) -> None:
     assert len(fleet.logs[0]) == 299
 
 
+@pytest.mark.parametrize(
+    "line", [",km/h,V,A", "-,km/h,V,A", "-,[km/h],[V],[A]", "-,(km/h),(V),(A)", "-,Tempo,Volt,-"]
+)
+def test_a_line_of_units_costs_no_other_row(tmp_path: Path, line: str) -> None:
+    header, rows = drive().to_csv(index=False).split("\n", 1)
+    fleet = tw.read_logs(written(tmp_path, "a.csv", f"{header}\n{line}\n{rows}"), "table")
+    assert len(fleet.logs[0]) == 300
+
+
 def test_impossible_cells_are_unknown_and_counted(tmp_path: Path) -> None:
     table = drive().assign(**{"Outside (C)": 12.0})
     table.loc[[5, 9], "Outside (C)"] = 203.0

@@ -125,7 +125,7 @@ def open_delimited(path: Path, content: bytes | None = None, names: Sequence[str
         got = f"a header of {len(header_names)} columns without rows below"
         raise InvalidInput.of("no samples", f"{path}", got, "rows")
     data = data[:end] + body
-    units = tuple(cells_of(body.partition(b"\n")[0], delimiter))
+    units = tuple(cell.strip("[](){}") for cell in cells_of(body.partition(b"\n")[0], delimiter))
     stated = [unit for unit in units if unit.lower() in _UNITS]
     if len(units) <= len(header_names) and len(stated) > 1 and not _has_values(units):
         return Delimited(path, header_names, delimiter, data, data.find(b"\n", end) + 1, line + 1, units)

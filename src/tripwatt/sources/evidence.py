@@ -77,9 +77,12 @@ def stamp_format(texts: Sequence[str]) -> tuple[str, str] | None:
 
 
 def fits(texts: Sequence[str], form: str) -> bool:
-    """Whether there are texts besides empty ones, and the first 200 and last 50 are times in a `strptime` format."""
+    """Whether there are texts besides empty ones, and the first 200 and last 50 are times in a `strptime` format.
+
+    The first of more than 50 texts is left out: it may be of a line below the header.
+    """
     filled = [text for text in texts if text]
-    probe = pd.Series(filled[:200] + filled[-50:], dtype=object)
+    probe = pd.Series(filled[1:200] + filled[-50:], dtype=object)
     stamps = pd.to_datetime(probe, format=form, utc=True, errors="coerce")
     return len(probe) > 0 and bool(stamps.notna().all())
 
