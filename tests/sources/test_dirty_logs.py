@@ -76,9 +76,11 @@ def test_one_empty_file_among_four_good_ones_costs_nothing(tmp_path: Path) -> No
 def test_only_nothing_usable_is_an_error(tmp_path: Path) -> None:
     written(tmp_path / "logs", "a.csv", "")
     written(tmp_path / "logs", "b.csv", "\0\0\0binary")
+    written(tmp_path / "logs", "c.csv", "\n<!DOCTYPE html>\n<html><body>Please, log in</body></html>\n")
     with pytest.raises(InvalidInput) as caught:
         tw.read_logs(tmp_path / "logs", "table")
     assert {fault.what for fault in caught.value.faults} == {"empty file", "not a text file"}
+    assert "a web page (HTML)" in caught.value.faults[2].got
 
 
 def test_a_drive_over_two_files_is_one_and_a_copy_counts_once(tmp_path: Path) -> None:

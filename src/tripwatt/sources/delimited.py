@@ -300,6 +300,8 @@ def _text_bytes(path: Path, data: bytes) -> bytes:
         raise InvalidInput.of("empty file", f"{path}", got, "a header and rows", fix)
     if b"\0" in data[:65536]:
         raise InvalidInput(_not_text(path, "zero bytes"))
+    if re.match(rb"\s*<(!doctype|!--|html|head)", data, re.IGNORECASE):
+        raise InvalidInput(_not_text(path, "a web page (HTML), such as that of a login"))
     return data.replace(b"\r\n", b"\n") if b"\n" in data else data.replace(b"\r", b"\n")
 
 
