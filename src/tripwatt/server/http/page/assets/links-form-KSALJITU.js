@@ -1,4 +1,4 @@
-import{o as h}from"./chunk-XR23ZKKJ.js";import{Dc as N,Gc as f,Oc as k,Qc as O,a as r,d as b,i as v}from"./chunk-FUGV6VUL.js";var d=`510
+import{o as h}from"./chunk-IWEE7Z4X.js";import{Dc as N,Gc as f,Oc as k,Qc as O,a as r,d as b,i as v}from"./chunk-VDLMCOI6.js";var d=`510
 1.8  30  515
 8.6  68  560
 23  120  780
