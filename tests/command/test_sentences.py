@@ -21,10 +21,10 @@ from tripwatt.command.sentences import (
     journey_in_words,
     unknown_climb_in_words,
 )
+from tripwatt.errors import percent
 from tripwatt.forecasting import load_model
 from tripwatt.routes.places import Place
 from tripwatt.trips import Departure, Plan
-from tripwatt.trips.showing import percent
 
 
 def made(
@@ -124,9 +124,9 @@ def test_a_round_trip_tells_the_charge_at_its_places() -> None:
     )
     (road, *_), said = found.roads, journey_in_words(found)
     inn, top = (percent(road.soc_at(at_m)) for at_m in road.road.stop_position_m)
-    assert float(inn) > float(top)
-    at = said.index(f"At Inn you have {inn} %.")
-    assert said[at + 1 :] == [f"At Top you have {top} %.", found.leave]
+    assert float(inn[:-2]) > float(top[:-2])
+    at = said.index(f"At Inn you have {inn}.")
+    assert said[at + 1 :] == [f"At Top you have {top}.", found.leave]
 
 
 def test_progress_without_a_terminal_is_few_plain_lines(monkeypatch) -> None:

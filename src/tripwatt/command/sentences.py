@@ -84,7 +84,7 @@ def journey_in_words(journey: tw.Journey) -> list[str]:
     sentences = [*unknown_climb_in_words(forecast, journey.reserve), forecast_in_words(forecast, title)]
     turns_m = () if journey.charging else journey.roads[0].road.stop_position_m
     for place, at_m in zip(journey.stops[1:], turns_m, strict=False):
-        sentences.append(f"At {place.title} you have {percent(journey.roads[0].soc_at(at_m))} %.")
+        sentences.append(f"At {place.title} you have {percent(journey.roads[0].soc_at(at_m))}.")
     sentences.append(journey.leave)
     with_stops = journey.soc_needed_with_stops
     if with_stops is not None and with_stops <= 1.0:
