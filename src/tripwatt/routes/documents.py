@@ -28,14 +28,12 @@ def read_content(source: bytes | str | Path, where: str | None = None) -> tuple[
     InvalidInput
         When the file cannot be read or is too large.
     """
-    if isinstance(source, bytes):
-        data, name = source, where or "route"
-    else:
-        path = Path(source)
-        data, name = read_file(path, MAX_BYTES), where or path.name
-    if len(data) > MAX_BYTES:
-        raise InvalidInput.of("file too large", name, f"{len(data)} bytes", f"at most {MAX_BYTES} bytes")
-    return data, name
+    if not isinstance(source, bytes):
+        return read_file(source, MAX_BYTES), where or Path(source).name
+    name = where or "route"
+    if len(source) > MAX_BYTES:
+        raise InvalidInput.of("file too large", name, f"{len(source)} bytes", f"at most {MAX_BYTES} bytes")
+    return source, name
 
 
 def parse_json(data: bytes, where: str) -> Any:
