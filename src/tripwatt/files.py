@@ -348,10 +348,8 @@ def _beside(path: Path, *, folder: bool) -> Iterator[Path]:
 def _is_running(pid: str) -> bool:
     try:
         os.kill(int(pid), 0)
-    except ProcessLookupError:
-        return False
-    except (OSError, ValueError, OverflowError):  # such as a process of another user
-        pass
+    except (OSError, ValueError, OverflowError) as error:  # such as a process of another user
+        return not isinstance(error, ProcessLookupError)
     return True
 
 
