@@ -304,7 +304,7 @@ class Plan(Sampled):
         time = route["time_s"]
         start, end = float(time[0]), float(time[-1])
         _require_duration(end - start, drive.trip_id)
-        _, columns = bin_means(time - start, route, BIN_S)
+        columns = bin_means(time - start, route, BIN_S)
         return cls(drive.trip_id, table_of(columns), departure, None, flags, BIN_S, start, end)
 
     def with_departure(self, departure: Departure | None) -> Plan:

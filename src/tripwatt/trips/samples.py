@@ -158,10 +158,8 @@ def _names(columns: tuple[str, ...]) -> pd.Index:
     return pd.Index(columns, dtype=object)  # a string index is slow to look up
 
 
-def bin_means(
-    time: FloatArray, columns: Mapping[str, FloatArray], step_s: float
-) -> tuple[int, dict[str, FloatArray]]:
-    """Divide time into bins of `step_s` seconds, and return the number of bins and the mean of each column in each. O(samples).
+def bin_means(time: FloatArray, columns: Mapping[str, FloatArray], step_s: float) -> dict[str, FloatArray]:
+    """Divide time into bins of `step_s` seconds, and return the mean of each column in each. O(samples).
 
     Parameters
     ----------
@@ -174,10 +172,8 @@ def bin_means(
 
     Returns
     -------
-    n_bins : int
-        Number of bins from time 0 to the last sample.
-    means : dict of str to ndarray, shape (n_bins,)
-        Name of a column -> its means. In a bin without samples, the mean is interpolated and the time is the centre of the bin.
+    dict of str to ndarray, shape (bins,)
+        Name of a column -> its means, from time 0 to the last sample. In a bin without samples, the mean is interpolated and the time is the centre of the bin.
 
     Raises
     ------
@@ -188,9 +184,8 @@ def bin_means(
 
     Examples
     --------
-    >>> n_bins, means = bin_means(np.arange(4.0), {"speed_m_s": np.array([0.0, 2.0, 4.0, 6.0])}, 2.0)
-    >>> n_bins, means["speed_m_s"].tolist()
-    (2, [1.0, 5.0])
+    >>> bin_means(np.arange(4.0), {"speed_m_s": np.array([0.0, 2.0, 4.0, 6.0])}, 2.0)["speed_m_s"].tolist()
+    [1.0, 5.0]
     """
     if (np.diff(time) <= 0.0).any():
         raise ValueError("times that do not increase")
@@ -216,4 +211,4 @@ def bin_means(
             usable = number > 0
             mean[empty] = np.interp(centre[empty], centre[usable], mean[usable])
         means[name] = mean
-    return n_bins, means
+    return means

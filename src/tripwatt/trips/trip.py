@@ -357,11 +357,10 @@ def resample(trip: Trip, step_s: float = 1.0) -> Trip:
     with faults_named(trip.samples, trip.trip_id):
         time = trip.array("time_s") - float(trip.samples["time_s"].iloc[0])
         signals = {c: trip.array(c) for c in trip.samples.columns if c in COLUMNS}
-        n_bins, means = bin_means(time, signals, step_s)
-    samples = pd.DataFrame(means)
+        samples = pd.DataFrame(bin_means(time, signals, step_s))
     cumulative = observed_cumulative_energy(trip.samples)
     if cumulative is not None:
-        ends = np.minimum(np.arange(1, n_bins + 1) * step_s, time[-1])
+        ends = np.minimum(np.arange(1, len(samples) + 1) * step_s, time[-1])
         samples["observed_energy_wh"] = np.interp(ends, time, cumulative)
     return replace(trip, samples=samples, step_s=step_s)
 
