@@ -59,9 +59,7 @@ def aero_drag_force(
     >>> aero_drag_force(np.array([10.0]), 0.6, 1.2), aero_drag_force(np.array([10.0]), 0.6, 1.2, np.array([-20.0]))
     (array([36.]), array([-36.]))
     """
-    if headwind_m_s is None:
-        return np.asarray(0.5 * density_kg_m3 * drag_area_m2 * speed_m_s * speed_m_s)
-    against = speed_m_s + headwind_m_s
+    against = speed_m_s if headwind_m_s is None else speed_m_s + headwind_m_s
     return np.asarray(0.5 * density_kg_m3 * drag_area_m2 * against * np.abs(against), dtype=np.float64)
 
 
