@@ -13,7 +13,7 @@ from typing import Final
 
 import numpy as np
 
-from tripwatt.arrays import FloatArray, distance_driven
+from tripwatt.arrays import FloatArray, IntArray, distance_driven
 from tripwatt.routes.links import SHORTEST_STRETCH_M, LinkRoute, links_of_trip
 from tripwatt.trips import Plan, Recorded
 from tripwatt.units import M_S_PER_KM_H
@@ -161,13 +161,16 @@ def free_flow_links(trip: Recorded, length_m: float = LINK_M) -> tuple[LinkRoute
     time, speed = trip.array("time_s"), trip.array("speed_m_s")
     position = distance_driven(time, speed)
     if trip.has("speed_limit_m_s"):
-        return _limit_links(driven, time, position, trip.array("speed_limit_m_s"))
-    border = np.cumsum(driven.length_m)
-    inner = np.searchsorted(position, border[:-1])
-    free = np.array([_class_speed(piece) for piece in np.split(speed, inner)])
-    empty_road_s = driven.length_m / free
-    route = replace(driven, travel_time_s=empty_road_s, moving_speed_m_s=free, free_flow=True, measured=False)
-    return route, driven.travel_time_s
+        limit = trip.array("speed_limit_m_s")
+        kept = _limit_starts(position, limit)
+        border = np.concatenate(([0], kept[1:], [len(time) - 1]))
+        length, driven_s, free = np.diff(position[border]), np.diff(time[border]), limit[kept]
+    else:
+        inner = np.searchsorted(position, np.cumsum(driven.length_m)[:-1])
+        free = np.array([_class_speed(piece) for piece in np.split(speed, inner)])
+        length, driven_s = driven.length_m, driven.travel_time_s
+    unknown, road = np.full(len(length), np.nan), (driven.elevation_position_m, driven.elevation_m)
+    return LinkRoute(length, length / free, unknown, free, *road, driven.flags, free_flow=True), driven_s
 
 
 def driven_by_kind(trip: Recorded) -> FloatArray:
@@ -192,30 +195,15 @@ def driven_by_kind(trip: Recorded) -> FloatArray:
     return np.concatenate([np.bincount(kind, part, 3) for part in (route.length_m, driven_s)])
 
 
-def _limit_links(
-    even_links: LinkRoute, time_s: FloatArray, position_m: FloatArray, limit_m_s: FloatArray
-) -> tuple[LinkRoute, FloatArray]:
-    """Links cut where the speed limit changes, with the heights of the even links, and the time in which each was driven.
+def _limit_starts(position_m: FloatArray, limit_m_s: FloatArray) -> IntArray:
+    """Samples at which a speed limit begins that holds for a link.
 
     A piece that is short or has no limit is joined to the link before it, at the start of the drive to the first link.
     """
     start = np.flatnonzero(np.append(True, np.diff(limit_m_s) != 0.0))
     piece_m = np.diff(np.append(position_m[start], position_m[-1]))
     known_m = np.where(np.isfinite(limit_m_s[start]), piece_m, -1.0)
-    kept = start[known_m >= min(SHORTEST_STRETCH_M, float(known_m.max()))]
-    border = np.concatenate(([0], kept[1:], [len(time_s) - 1]))
-    length_m, limit = np.diff(position_m[border]), limit_m_s[kept]
-    unknown = np.full(len(kept), np.nan)
-    route = replace(
-        even_links,
-        length_m=length_m,
-        travel_time_s=length_m / limit,
-        stop_s=unknown,
-        moving_speed_m_s=limit,
-        free_flow=True,
-        measured=False,
-    )
-    return route, np.diff(time_s[border])
+    return np.asarray(start[known_m >= min(SHORTEST_STRETCH_M, float(known_m.max()))])
 
 
 def _class_speed(speed_m_s: FloatArray) -> float:
