@@ -69,10 +69,8 @@ def heights_along(points: FloatArray) -> tuple[FloatArray, FloatArray] | None:
     >>> heights_along(np.array([[0.0, 0.0, 5.0], [0.0, 1.0, np.nan]]))[1]
     array([5., 5.])
     """
-    if points.shape[1] < 3 or not np.isfinite(points[:, 2]).any():
-        return None
-    position, known = distances_m(points), np.isfinite(points[:, 2])
-    if not position[-1] > 0:
+    position, known = distances_m(points), np.isfinite(points[:, -1])
+    if points.shape[1] < 3 or not known.any() or not position[-1] > 0:
         return None
     # all positions are kept, also of points without a height, so that the last one is the whole length
     return position, np.interp(position, position[known], points[known, 2])
