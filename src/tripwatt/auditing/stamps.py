@@ -29,9 +29,7 @@ def mend_stamps(samples: pd.DataFrame, trip_id: str) -> tuple[pd.DataFrame, list
         what = f"{int((~known).sum())} samples without a time were left out"
         findings.append(whole(samples, trip_id, what, "noted"))
         samples, time = samples[known].reset_index(drop=True), time[known]
-    if len(time) < 2 or bool(np.all(np.diff(time) > 0)):
-        return samples, [], findings
-    repeated = np.concatenate(([False], np.diff(time) == 0))
+    repeated = np.append(False, np.diff(time) == 0)[: len(time)]
     if repeated.any():
         what = f"{int(repeated.sum())} samples have the time of the sample before and were left out"
         where = time[repeated]
