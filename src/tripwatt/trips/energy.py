@@ -63,14 +63,13 @@ def observed_cumulative_energy(samples: pd.DataFrame | Mapping[str, FloatArray])
         return np.asarray(counted - counted[np.argmax(np.isfinite(counted))], dtype=np.float64)
     time = np.asarray(samples["time_s"], dtype=np.float64)
     voltage, current = (np.asarray(samples[name], dtype=np.float64) for name in ("voltage_v", "current_a"))
-    with np.errstate(invalid="ignore", over="ignore"):
-        power = voltage * current
-    known = np.isfinite(power)
-    if not known.any():
-        return None
-    if not known.all():
-        power = np.interp(time, time[known], power[known])
     with np.errstate(invalid="ignore", over="ignore"):  # a log may hold anything until it is audited
+        power = voltage * current
+        known = np.isfinite(power)
+        if not known.any():
+            return None
+        if not known.all():
+            power = np.interp(time, time[known], power[known])
         energy_j = np.concatenate(([0.0], np.cumsum(0.5 * (power[1:] + power[:-1]) * np.diff(time))))
     return np.asarray(energy_j * WH_PER_J, dtype=np.float64)
 
