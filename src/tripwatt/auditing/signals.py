@@ -100,12 +100,11 @@ def blank_impossible(samples: pd.DataFrame, trip_id: str) -> Iterator[Change]:
 def speed_spikes(time: FloatArray, speed: FloatArray) -> BoolArray:
     """Mark single samples far above or far below both neighbours, shape (samples,)."""
     spikes = np.zeros(len(speed), dtype=bool)
-    if len(speed) > 2:
-        up, down = speed[1:-1] - speed[:-2], speed[1:-1] - speed[2:]
-        with np.errstate(invalid="ignore"):
-            # 8.0: change of speed of a spike: no car gains and loses this much over three samples within 2 s
-            apart = (np.minimum(np.abs(up), np.abs(down)) > 8.0) & (up * down > 0)
-        spikes[1:-1] = apart & (time[2:] - time[:-2] <= 2.0)
+    up, down = speed[1:-1] - speed[:-2], speed[1:-1] - speed[2:]
+    with np.errstate(invalid="ignore"):
+        # 8.0: change of speed of a spike: no car gains and loses this much over three samples within 2 s
+        apart = (np.minimum(np.abs(up), np.abs(down)) > 8.0) & (up * down > 0)
+    spikes[1:-1] = apart & (time[2:] - time[:-2] <= 2.0)
     return spikes
 
 
