@@ -182,13 +182,11 @@ def ambient_findings(samples: pd.DataFrame, trip_id: str) -> Iterator[Finding]:
         return
     values, time = array(samples, "ambient_temperature_degc"), array(samples, "time_s")
     value = float(np.nanmin(values))
-    if value != np.nanmax(values):
-        return
     # 3600.0: duration over which a constant temperature is suspicious: sensors resolve 0.5 to 1 °C, and
     # the air changes by more in an hour
     # (-40.0, 85.0, 127.0, 127.5, 215.0): values of a bus message without a sensor: the ends of the usual
     # codings
-    if time[-1] - time[0] > 3600.0 or value in (-40.0, 85.0, 127.0, 127.5, 215.0):
+    if value == np.nanmax(values) and (np.ptp(time) > 3600.0 or value in (-40.0, 85.0, 127.0, 127.5, 215.0)):
         what = f"outside temperature stays at {value:g} °C: it may not be measured"
         yield whole(samples, trip_id, what, "noted")
 
