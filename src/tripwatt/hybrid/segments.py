@@ -229,8 +229,8 @@ def segment_table(
         "time_s": mean(time - time[0]),
         "trip_speed_m_s": float((speed * step).sum() / step.sum()),
         "payload_mass_kg": departure.payload_mass_kg or 0.0,
-        **{name: _known(getattr(departure, name)) for name in TEMPERATURES},
-        "soc": _known(departure.bms_soc),
+        **{name: getattr(departure, name) for name in TEMPERATURES},
+        "soc": departure.bms_soc,
         "day": day_of(departure.departs_at),
         "winter": {"winter": 1.0, "summer": 0.0}.get(departure.season or "", np.nan),
     }
@@ -381,10 +381,6 @@ def day_of(at: dt.datetime | None) -> float:
     if at is None:
         return np.nan
     return (at if at.tzinfo else at.replace(tzinfo=dt.UTC)).timestamp() / SECONDS_PER_DAY
-
-
-def _known(value: float | None) -> float:
-    return np.nan if value is None else value
 
 
 def _measured_power(measured: Trip, segment: IntArray, plan: Plan, seconds: FloatArray) -> FloatArray | None:
