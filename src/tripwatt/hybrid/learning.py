@@ -268,8 +268,7 @@ class Experts:
                 log_weight=MEMORY * now.log_weight + (1.0 - MEMORY) * now.log_prior + density,
                 trips=now.trips + 1,
             )
-        empty = np.empty((0, len(KINDS)))
-        return now, Innovations(np.array(mean), np.array(sd), np.array(weights) if weights else empty)
+        return now, Innovations(np.array(mean), np.array(sd), np.reshape(weights, (-1, len(KINDS))))
 
 
 def _with_drift(factors_wh: FloatArray) -> FloatArray:
