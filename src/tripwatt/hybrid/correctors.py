@@ -75,7 +75,7 @@ def power_corrector(corrector: str | Corrector, seed: int = 0) -> PowerCorrector
         raise InvalidInput(
             Fault.unknown("unknown corrector", "corrector", corrector, (*POWER_CORRECTORS, *packaged))
         )
-    return outside_corrector(packaged[corrector](seed), seed)
+    return outside_corrector(packaged[corrector].load()(seed), seed)
 
 
 def corrector_name(corrector: str | Corrector) -> str:

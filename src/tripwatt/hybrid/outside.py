@@ -141,14 +141,11 @@ def require_fitting(model: object, where: str, how: str) -> None:
         raise InvalidInput.of("object cannot be fitted", where, f"{model!r}"[:80], how)
 
 
-def packaged_correctors() -> dict[str, Callable[[int], Corrector]]:
-    """Makers of the correctors of installed packages, by name; a package is imported when its corrector is made."""
-    from importlib.metadata import EntryPoint, entry_points  # slow to import
+def packaged_correctors() -> dict[str, Any]:
+    """Entry points of the correctors of installed packages, by name; `load` imports a package and gives the maker of its corrector."""
+    from importlib.metadata import entry_points  # slow to import
 
-    def maker(entry: EntryPoint) -> Callable[[int], Corrector]:
-        return lambda seed: entry.load()(seed)
-
-    return {entry.name: maker(entry) for entry in entry_points(group=ENTRY_POINTS)}
+    return {entry.name: entry for entry in entry_points(group=ENTRY_POINTS)}
 
 
 def fitted_outside(corrector: PowerCorrector | None) -> Any:

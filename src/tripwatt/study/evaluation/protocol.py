@@ -194,7 +194,7 @@ def choose_models(
     allowed = "a name that no model of the protocol has"
     raise_faults([*faults, *(Fault("name is taken", "models", name, allowed) for name in taken)])
     further_models = {
-        name: packaged[model](seed) if isinstance(model, str) else model
+        name: packaged[model].load()(seed) if isinstance(model, str) else model
         for name, model in named.items()
         if not (isinstance(model, str) and model in own_names)
     }
