@@ -108,11 +108,10 @@ class CovariateCorrector(TunedCorrector):
         """Yield the table with each of the values that its unknown covariates may have."""
         known = self._encode(table)
         is_known = np.isfinite(known)
-        values = self.seen[np.lexsort(self.seen.T)]
-        if is_known.all():
-            values = known[:1]
-        elif len(values) > MOST_VALUES:
-            values = values[np.linspace(0, len(values) - 1, MOST_VALUES).round().astype(np.int64)]
+        values = known[:1]
+        if not is_known.all():
+            places = np.linspace(0, len(self.seen) - 1, min(len(self.seen), MOST_VALUES)).round()
+            values = self.seen[np.lexsort(self.seen.T)[places.astype(np.int64)]]
         for value in values:
             yield self._with(table, np.where(is_known, known, value))
 
