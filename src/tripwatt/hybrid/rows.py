@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import Field, fields, replace
-from typing import Any, ClassVar, Self
+from typing import Any, ClassVar, Self, cast
 
 import numpy as np
 import pandas as pd
@@ -33,8 +33,7 @@ class Records:
 
     def __add__(self, later: Self) -> Self:
         """Append the values of further trips."""
-        pairs = ([getattr(part, f.name) for part in (self, later)] for f in fields(self))
-        return type(self)(*map(joined, pairs))
+        return cast(Self, joined((self, later)))
 
 
 class RowTable:
