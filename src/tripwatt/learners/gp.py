@@ -102,9 +102,6 @@ class AdditiveGP:
     points_: dict[int, FloatArray] = field(init=False)
     whiteners_: dict[int, FloatArray] = field(init=False)
 
-    def __post_init__(self) -> None:
-        self.terms = tuple(self.terms)
-
     def fit(
         self,
         X: pd.DataFrame,
