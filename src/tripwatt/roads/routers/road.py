@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from typing import Final, NamedTuple, Protocol
 
 import numpy as np
+import numpy.typing as npt
 
 from tripwatt.arrays import BoolArray, FloatArray, IntArray
 from tripwatt.errors import Fault, InvalidInput, raise_faults
@@ -69,15 +70,12 @@ class Edges:
 
     @classmethod
     def from_speeds(
-        cls, length_m: FloatArray, time_s: FloatArray, speed_m_s: FloatArray, carried: BoolArray | None = None
+        cls, length_m: FloatArray, time_s: FloatArray, speed_m_s: FloatArray, carried: npt.ArrayLike = False
     ) -> Edges:
         """Make edges without limits, classes and signals; by default none is carried."""
         n = len(length_m)
-        none = np.zeros(n, dtype=bool)
         unknown = np.full(n, np.nan)
-        return cls(
-            length_m, time_s, speed_m_s, unknown, ("",) * n, none, none if carried is None else carried
-        )
+        return cls(length_m, time_s, speed_m_s, unknown, ("",) * n, np.full(n, False), np.full(n, carried))
 
     def only(self, mask: BoolArray) -> Edges:
         """Return the edges of a mask."""
