@@ -295,8 +295,7 @@ def _height_table(pairs: Sequence[list[Any]], where: str) -> FloatArray:
     with as_remote():
         if not only_numbers or not all(-1e12 < value < 1e12 for value in values.value):
             values.numbers()  # raises the fault
-        rows = [(at, math.nan if height is None else height) for at, height in pairs]
-        return np.array(rows, dtype=np.float64).reshape(-1, 2)
+        return np.array(pairs, dtype=np.float64).reshape(-1, 2)  # None becomes NaN
 
 
 def _speed_limit(limit: Node) -> float:
