@@ -5,7 +5,7 @@ import pandas as pd
 import pyarrow as pa
 import pytest
 from scipy.special import ndtr
-from tests.fleet.rows import year_of_rows
+from tests.fleet.rows import table_rows, year_of_rows
 
 from tripwatt.fleet import Warranty
 from tripwatt.fleet.batteries import Fade, battery_table, fades, route_ends
@@ -106,6 +106,19 @@ def test_trips_before_a_change_of_the_battery_do_not_count():
     assert set(fades(rows.where(rows.numbers("displayed_start") > 2.0), NONE)) == set()
     assert sd > 0.0
     assert len(full_wh) == 24
+
+
+@pytest.mark.parametrize("trips", [1, 2])
+def test_the_first_trips_of_a_new_car_model_leave_the_others(fleet_of_a_year, trips):
+    """They define the usual capacity of their car model, so that their own is the usual one."""
+    rows, known, _ = fleet_of_a_year
+    frame = rows.table.to_pandas()
+    new = frame[frame["vehicle_id"] == "v00"].iloc[:trips].assign(car_model="m9", vehicle_id="v99")
+    more = fades(table_rows(pd.concat([frame, new], ignore_index=True)), NONE)
+    assert more["v99"].capacity(0.0)[0] == pytest.approx(1.0, abs=0.03)
+    assert more["v99"].capacity(0.0)[1] > known["v00"].capacity(0.0)[1]
+    for vehicle, fade in known.items():
+        assert more[vehicle].capacity(0.5)[0] == pytest.approx(fade.capacity(0.5)[0], abs=1e-3)
 
 
 def test_a_warranty_ends_by_age_or_distance(fleet_of_a_year):
