@@ -111,6 +111,18 @@ def test_every_trip_that_cannot_be_forecast_is_named(fleet, tmp_path):
     assert faults_of(read_planned, file) == [("not a time", "trip north of V00000: departs_at")]
     file.write_text(NIGHT.replace(",60,", ",0,"))
     assert faults_of(read_planned, file)[0][1] == "trip south of V00000: distance_km"
+    file.write_text(NIGHT.replace("07:10", "7h10").replace(",20,", ",0,").replace(",0.15", ",15"))
+    assert faults_of(read_planned, file)[:3] == [
+        (what, f"trip north of V00000: {name}")
+        for what, name in (
+            ("value out of range", "distance_km"),
+            ("value out of range", "soc"),
+            ("not a time", "departs_at"),
+        )
+    ]
+    file.write_text(NIGHT.replace(",", ";").replace("0.15", "0,15").replace("07:10", "7h10"))
+    comma = [("decimal comma", f"{file} row {row} column 'soc'") for row in (2, 3, 4)]
+    assert faults_of(read_planned, file) == [*comma, ("not a time", "trip north of V00000: departs_at")]
     file.write_text("trip,departs_at\nnorth,2026-01-12T07:30\n")
     assert [where for _, where in faults_of(read_planned, file)] == [f"{file}"] * 2
     assert faults_of(read_planned, tmp_path / "none.csv")[0][1] == f"{tmp_path / 'none.csv'}"

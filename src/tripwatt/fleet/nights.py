@@ -42,8 +42,8 @@ _MIN_TRIPS: Final = 10
 POWERS: Final = ("alternating_w", "direct_w")
 """Columns of the highest powers with which a car charges, with alternating and with direct current."""
 
-_TEXT_COLUMNS: Final = ("vehicle_id", "trip", "departs_at", "car_model", "driver", "kind")
-_TRUTH_VALUES: Final = {"True": True, "False": False}
+_KEYS: Final = ("vehicle_id", "trip", "departs_at")
+_TEXT_COLUMNS: Final = (*_KEYS, "car_model", "driver", "kind")
 SD_LEVEL: Final = 0.9
 """Least level of the quantile from which a standard deviation is computed: a choice, because lower ones have little of the spread."""
 _NIGHTS: Final = 4000
@@ -136,51 +136,40 @@ def read_planned(file: Path | str, ambient_degc: float | None = None) -> list[Pl
         If the file cannot be read, if columns are missing or unknown, or if trips cannot be planned.
     """
     read = open_table(Path(file))
-    table = pd.DataFrame({name: _typed_column(name, read.texts(name)) for name in read.names})
-    raise_faults(read.faults)
-    missing = [name for name in _TEXT_COLUMNS[:3] if name not in table]
-    missing += [] if {"distance_km", "length_m"} & set(table) else ["distance_km or length_m"]
-    names = ", ".join(map(str, table))[:200]
+    missing = [name for name in _KEYS if name not in read.names]
+    missing += [] if {"distance_km", "length_m"} & {*read.names} else ["distance_km or length_m"]
+    names = ", ".join(read.names)[:200]
     faults = [Fault("missing column", f"{file}", names, f"a column {name}") for name in missing]
     allowed = (*_TEXT_COLUMNS, "distance_km", *DEPARTURE_COLUMNS, *LINK_COLUMNS)
-    unknown = (name for name in table if name not in allowed)
+    unknown = (name for name in read.names if name not in allowed)
     raise_faults(faults + [Fault.unknown("unknown column", f"{file}", name, allowed) for name in unknown])
+    numbers = [name for name in read.names if name not in _TEXT_COLUMNS]
+    table = pd.DataFrame({name: read.texts(name) for name in read.names if name in _TEXT_COLUMNS})
+    table[numbers] = np.transpose(read.numbers(numbers))
+    # spreadsheets leave rows of empty cells
+    table = table.where(table != "").dropna(how="all")
     if ambient_degc is not None:
         table = table.combine_first(pd.DataFrame({"ambient_temperature_degc": ambient_degc}, table.index))
     with Check() as check:
-        trips = [check(_trip_from_rows, rows) for _, rows in table.groupby([*_TEXT_COLUMNS[:3]], sort=False)]
+        check(raise_faults, read.faults)
+        trips = [check(_trip_from_rows, rows) for _, rows in table.groupby([*_KEYS], sort=False)]
     return trips
-
-
-def _typed_column(name: str, cells: list[str]) -> pd.Series:
-    """Return a column as numbers if all cells are numbers, else as texts and truth values; empty cells are missing."""
-    texts = pd.Series(cells, dtype=object).where(lambda cell: cell != "")
-    numbers = pd.to_numeric(texts, errors="coerce")
-    is_number = name not in _TEXT_COLUMNS and numbers.notna().equals(texts.notna())
-    return numbers if is_number else texts.map(lambda cell: _TRUTH_VALUES.get(cell, cell))
 
 
 def _trip_from_rows(rows: pd.DataFrame) -> PlannedTrip:
     """Make a planned trip from its rows."""
     links = [{str(k): v for k, v in row.items() if pd.notna(v)} for row in rows.to_dict("records")]
     first, where = links[0], f"trip {links[0]['trip']} of {links[0]['vehicle_id']}: "
-    if "length_m" in first:
-        fields = [{k: v for k, v in link.items() if k in LINK_COLUMNS} for link in links]
-        road: Plan | float = route_from_links(fields).plan(trip_id=str(first["trip"]))
-    else:
-        road = require_number(f"{where}distance_km", first.get("distance_km"), *DISTANCES_KM)
-    known = {name: first[name] for name in DEPARTURE_COLUMNS if name in first}
-    return PlannedTrip(
-        str(first["trip"]),
-        str(first["vehicle_id"]),
-        parse_time(str(first["departs_at"]), f"{where}departs_at"),
-        road,
-        str(first.get("kind", UNKNOWN)),
-        Departure(**known),
-        first.get("car_model"),
-        first.get("driver"),
-        where,
-    )
+    with places_within(where), Check() as check:
+        if "length_m" in first:
+            fields = [{k: v for k, v in link.items() if k in LINK_COLUMNS} for link in links]
+            road: Plan | float = check(lambda: route_from_links(fields).plan(trip_id=first["trip"]))
+        else:
+            road = check(require_number, "distance_km", first.get("distance_km"), *DISTANCES_KM)
+        known = check(Departure, **{name: first[name] for name in DEPARTURE_COLUMNS if name in first})
+        departs_at = check(parse_time, first["departs_at"], "departs_at")
+    named = first.get("kind", UNKNOWN), known, first.get("car_model"), first.get("driver"), where
+    return PlannedTrip(first["trip"], first["vehicle_id"], departs_at, road, *named)
 
 
 def parse_time(text: str, where: str) -> dt.datetime:
