@@ -123,6 +123,12 @@ def test_every_trip_that_cannot_be_forecast_is_named(fleet, tmp_path):
     file.write_text(NIGHT.replace(",", ";").replace("0.15", "0,15").replace("07:10", "7h10"))
     comma = [("decimal comma", f"{file} row {row} column 'soc'") for row in (2, 3, 4)]
     assert faults_of(read_planned, file) == [*comma, ("not a time", "trip north of V00000: departs_at")]
+    rows = "V1,a,,9\nV1,,2026-01-12T07:50,9\n,a,2026-01-12T07:50,9\n,,,\nV1,b,2026-01-12T07:50,9\n"
+    file.write_text(f"vehicle_id,trip,departs_at,distance_km\n{rows}")
+    assert faults_of(read_planned, file) == [
+        ("empty cell", f"{file} row {row} column {name!r}")
+        for row, name in ((2, "departs_at"), (3, "trip"), (4, "vehicle_id"))
+    ]
     file.write_text("trip,departs_at\nnorth,2026-01-12T07:30\n")
     assert [where for _, where in faults_of(read_planned, file)] == [f"{file}"] * 2
     assert faults_of(read_planned, tmp_path / "none.csv")[0][1] == f"{tmp_path / 'none.csv'}"

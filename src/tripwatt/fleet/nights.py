@@ -150,8 +150,10 @@ def read_planned(file: Path | str, ambient_degc: float | None = None) -> list[Pl
     table = table.where(table != "").dropna(how="all")
     if ambient_degc is not None:
         table = table.combine_first(pd.DataFrame({"ambient_temperature_degc": ambient_degc}, table.index))
+    empty = sorted((row, name) for name in _KEYS for row in table.index[table[name].isna()])
+    rows = (Fault("empty cell", f"{file} row {read.row(row)} column {name!r}") for row, name in empty)
     with Check() as check:
-        check(raise_faults, read.faults)
+        check(raise_faults, [*read.faults, *rows])
         trips = [check(_trip_from_rows, rows) for _, rows in table.groupby([*_KEYS], sort=False)]
     return trips
 
