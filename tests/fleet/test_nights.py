@@ -129,6 +129,8 @@ def test_every_trip_that_cannot_be_forecast_is_named(fleet, tmp_path):
         ("empty cell", f"{file} row {row} column {name!r}")
         for row, name in ((2, "departs_at"), (3, "trip"), (4, "vehicle_id"))
     ]
+    file.write_text(NIGHT + NIGHT.splitlines()[1].replace(",20,", ",90,"))
+    assert faults_of(read_planned, file) == [("repeated trip", "trip north of V00000: rows")]
     file.write_text("trip,departs_at\nnorth,2026-01-12T07:30\n")
     assert [where for _, where in faults_of(read_planned, file)] == [f"{file}"] * 2
     assert faults_of(read_planned, tmp_path / "none.csv")[0][1] == f"{tmp_path / 'none.csv'}"

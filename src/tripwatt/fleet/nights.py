@@ -168,6 +168,8 @@ def _trip_from_rows(rows: pd.DataFrame) -> PlannedTrip:
             road: Plan | float = check(lambda: route_from_links(fields).plan(trip_id=first["trip"]))
         else:
             road = check(require_number, "distance_km", first.get("distance_km"), *DISTANCES_KM)
+            allowed = "one row, or length_m in each for the links of a trip"
+            check(raise_faults, [Fault("repeated trip", "rows", f"{len(links)}", allowed)][: len(links) - 1])
         known = check(Departure, **{name: first[name] for name in DEPARTURE_COLUMNS if name in first})
         departs_at = check(parse_time, first["departs_at"], "departs_at")
     named = first.get("kind", UNKNOWN), known, first.get("car_model"), first.get("driver"), where
