@@ -136,14 +136,9 @@ class Schedule:
         span = (~(follows & table["power_w"].diff().abs().lt(1.0))).cumsum()
         charge_wh = EFFICIENCY * _STEP_H * table["power_w"]
         table = table.assign(ends_at=table["begins_at"] + STEP, charge_wh=charge_wh)
-        how = {
-            "vehicle_id": "first",
-            "begins_at": "min",
-            "ends_at": "max",
-            "power_w": "max",
-            "charge_wh": "sum",
-        }
-        return table.groupby(span).agg(how)
+        spans = table.groupby(span)
+        latest, charge_wh = spans[["ends_at", "power_w"]].max(), spans["charge_wh"].sum()
+        return spans[["vehicle_id", "begins_at"]].first().join([latest, charge_wh])
 
 
 def schedule(needs: pd.DataFrame, depot: Depot, *, shared: bool = False) -> Schedule:
@@ -171,10 +166,8 @@ def schedule(needs: pd.DataFrame, depot: Depot, *, shared: bool = False) -> Sche
     spans = [(pd.to_datetime(rows[name], utc=True) - begin) / STEP for name in ("begins_at", "ends_at")]
     first, last = np.ceil(spans[0].clip(lower=0.0)).astype(int), np.floor(spans[1]).astype(int)
     if last.max() > _LONGEST:
-        got, allowed = (
-            f"a departure at {rows['ends_at'].max()}",
-            "two weeks before the last departure, or later",
-        )
+        got = f"a departure at {rows['ends_at'].max()}"
+        allowed = "two weeks before the last departure, or later"
         where, fix = f"{depot.begins_at:%Y-%m-%d %H:%M}", "give --begins"
         raise InvalidInput.of("charging begins too early", where, got, allowed, fix)
     cells = [(k, t) for k, span in enumerate(zip(first, last, strict=True)) for t in range(*span)]

@@ -110,8 +110,7 @@ def _dask_executor(cluster: str) -> Iterator[Workers]:
         client = distributed.Client(cluster, timeout=CLUSTER_WAIT_S, set_as_default=False)
     except (OSError, TimeoutError, ValueError) as error:
         got = str(error)[:160] or type(error).__name__
-        allowed = "the address of a Dask scheduler"
-        raise InvalidInput.of("no cluster", cluster, got, allowed) from error
+        raise InvalidInput.of("no cluster", cluster, got, "the address of a Dask scheduler") from error
     try:
         client.wait_for_workers(1, timeout=CLUSTER_WAIT_S)
         number = max(sum(client.nthreads().values()), 1)

@@ -9,6 +9,7 @@ from __future__ import annotations
 import datetime as dt
 import time
 import uuid
+from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property, reduce
@@ -258,17 +259,13 @@ class TripStore:
         rows = keys.filter(pc.is_in(keys["vehicle_id"], vehicles))
         known, *names = (rows[name].to_pylist() for name in KEYS.names)
         known = set(known)
-        taken = set(zip(*names, strict=True))
         unknown = [s for s in stored if s.row["digest"] not in known]
-        faults = []
-        for s in unknown:
-            key = (s.row["vehicle_id"], s.row["trip_id"])
-            if key in taken:
-                got, fix = "another log of this vehicle has it", "give the log an id of its own"
-                place = f"vehicle {key[0]}, trip {key[1]}"
-                faults.append(Fault("duplicate trip id", place, got, "one id per trip of a vehicle", fix))
-            taken.add(key)
-        raise_faults(faults)
+        of_unknown = ((s.row["vehicle_id"], s.row["trip_id"]) for s in unknown)
+        counts = Counter((*zip(*names, strict=True), *of_unknown))
+        places = (f"vehicle {vehicle}, trip {trip}" for (vehicle, trip), n in counts.items() if n > 1)
+        got, fix = "another log of this vehicle has it", "give the log an id of its own"
+        about = got, "one id per trip of a vehicle", fix
+        raise_faults(Fault("duplicate trip id", place, *about) for place in places)
         return unknown
 
     def _read_keys(self, files: Iterable[Any]) -> pa.Table:
