@@ -195,6 +195,14 @@ def test_the_report_names_what_it_leaves_out_and_assumes(fleet, registry, tmp_pa
     written = json.loads((registry.folder / "report" / "report.json").read_text("utf-8"))
     assert [fault["what"] for fault in written["refused"]] == ["unknown vehicle"]
     assert written["coldest_week"]["ambient_temperature_degc"] == -15.0
+    of_kinds = f"{header[:-1]},kind\nV00001,a,2030-01-12T07:30,30,Autobahn\nV00002,b,2030-01-12T07:30,30,\n"
+    night.write_text(of_kinds)
+    kind = CliRunner().invoke(app, [*map(str, asked)])
+    assert kind.exit_code == 1, kind.output
+    assert kind.stderr.count("left out: unknown kind of road: trip a of V00001: kind: got Autobahn") == 1
+    assert "Planned trips: 1. The charge" in kind.stdout
+    written = json.loads((registry.folder / "report" / "report.json").read_text("utf-8"))
+    assert [route["trip"] for route in written["routes"]] == ["b"]
     night.write_text(header + rows.splitlines()[1] + "\n")
     nobody = CliRunner().invoke(app, [*map(str, asked)])
     assert nobody.exit_code == 1, nobody.output

@@ -108,17 +108,18 @@ class PlannedTrip:
         return replace(self, departure=replace(self.departure, **known))
 
     def forecast(self, model: ForecastModel) -> Forecast:
-        """Forecast the trip by the model of a car."""
-        if isinstance(self.road, Plan):
-            return model.forecast(self.road, replace(self.departure, soc=None))
-        return KindForecaster.from_kind(model, self.departure, self.kind).forecast(1000.0 * self.road)
+        """Forecast the trip by the model of a car; the faults name the trip."""
+        with places_within(self.where):
+            if isinstance(self.road, Plan):
+                return model.forecast(self.road, replace(self.departure, soc=None))
+            return KindForecaster.from_kind(model, self.departure, self.kind).forecast(1000.0 * self.road)
 
     def forecast_by(self, fleet: FleetModel) -> tuple[Vehicle, Forecast]:
         """Return the car and its forecast of the trip by the model of a fleet."""
         degc, car = self.departure.ambient_temperature_degc, self.car_model
         with places_within(self.where):
             model = fleet.of_vehicle(self.vehicle_id, car_model=car, driver=self.driver, ambient_degc=degc)
-            return model.vehicle, self.forecast(model)
+        return model.vehicle, self.forecast(model)
 
 
 def read_planned(file: Path | str, ambient_degc: float | None = None) -> list[PlannedTrip]:
@@ -429,6 +430,7 @@ def needs_by_car(
     *,
     probability: float = 0.95,
     reserve: float = 0.1,
+    refused: list[Fault] | None = None,
 ) -> pd.DataFrame:
     """Forecast the charge that each planned route needs with each car model of a fleet at an outside temperature.
 
@@ -439,7 +441,7 @@ def needs_by_car(
         Trips of the same name are one route, forecast by the last of them.
     ambient_degc : float
         Outside temperature [°C].
-    probability, reserve : float
+    probability, reserve, refused
         As in `needs_by_hour`.
 
     Returns
@@ -449,11 +451,14 @@ def needs_by_car(
     """
     names = sorted(set(model.vehicles().values()))
     models = {name: model.of_vehicle(None, car_model=name, ambient_degc=ambient_degc) for name in names}
-    needs = {}
+    check, needs = Check(), {}
     for name, trip in {trip.name: trip for trip in trips}.items():
         cold_trip = trip.in_air(ambient_degc)
-        taken = ((car, trip_quantiles(cold_trip.forecast(m), (probability,))) for car, m in models.items())
-        needs[name] = {car: reserve + float(charge[0]) for car, (_, charge, _) in taken}
+        forecasts = {car: check(cold_trip.forecast, m) for car, m in models.items()}
+        taken = {car: trip_quantiles(f, (probability,))[1] for car, f in forecasts.items() if f is not None}
+        if len(taken) == len(models):
+            needs[name] = {car: reserve + float(charge[0]) for car, charge in taken.items()}
+    (raise_faults if refused is None else refused.extend)(check.faults)
     return pd.DataFrame.from_dict(needs, orient="index", columns=names).rename_axis("trip").reset_index()
 
 

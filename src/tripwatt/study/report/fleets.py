@@ -163,25 +163,25 @@ class ManagerReport:
         asked : ReportSettings, optional
         """
         asked = asked or ReportSettings()
-        settings = {"probability": asked.probability, "reserve": asked.reserve}
+        refused: list[Fault] = []
+        settings: Any = {"probability": asked.probability, "reserve": asked.reserve, "refused": refused}
         changed = changes(rows)
         cold = nights.coldest_week(rows) if asked.coldest_degc is None else nights.Cold(asked.coldest_degc)
         compared = drivers_by_name(model.posterior, rows, asked.price) if asked.drivers else None
         known = fades(rows, changed)
         batteries = battery_table(known, rows, asked.warranty, asked.new_at) if known else None
         night, routes, ends = None, None, None
-        refused: list[Fault] = []
         if planned is not None:
             since_changes = without_trips_before_changes(model, rows, changed)
-            needs = nights.needs_by_hour(since_changes, planned[0], **settings, refused=refused)
+            needs = nights.needs_by_hour(since_changes, planned[0], **settings)
             of_changes = needs["vehicle_id"].map(need_notes(changed).get).fillna("")
             needs["reasons"] = (needs["reasons"].fillna("") + "; " + of_changes).str.strip("; ")
             night = Night(needs, planned[1], asked.probability)
         if planned is not None and cold is not None:
             routes = nights.needs_by_car(model, planned[0], cold.ambient_temperature_degc, **settings)
             of_route = {row["trip"]: row for row in routes.to_dict("records")}
-            driven = [(trip.vehicle_id, trip.name) for trip in planned[0] if trip.vehicle_id in known]
-            needed = [(car, name, of_route[name].get(known[car].car_model, math.nan)) for car, name in driven]
+            driven = [(trip.vehicle_id, of_route[trip.name]) for trip in planned[0] if trip.name in of_route]
+            needed = [(v, r["trip"], r.get(known[v].car_model, math.nan)) for v, r in driven if v in known]
             ends = route_ends(known, needed, asked.reserve) if needed else None
         return cls(
             probability=asked.probability,
@@ -193,7 +193,7 @@ class ManagerReport:
             batteries=batteries,
             route_ends=ends,
             cold=cold,
-            refused=tuple(refused),
+            refused=tuple(dict.fromkeys(refused)),
             about={**about, **worst_month(model.posterior, rows)},
         )
 
