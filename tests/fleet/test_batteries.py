@@ -127,11 +127,12 @@ def test_a_warranty_ends_by_age_or_distance(fleet_of_a_year):
     named = TripRows.join([pa.Table.from_pandas(frame, schema=rows.table.schema, preserve_index=False)])
     known = fades(named, NONE)
     new_wh = usable_energy_wh(load_vehicle("nissan_leaf_40").battery)
-    table = battery_table(known, named, Warranty(0.9, 3.0, 1e6), {"v00": "2022-05-01"}).set_index(
-        "vehicle_id"
-    )
-    assert table.loc["v00", "warranty_until"] in ("2025-04", "2025-05")
-    assert table.loc["v02", "warranty_until"] in ("2027-12", "2028-01")
+    new_at = {"v00": "2022-05-01", "v04": "2023-03-01"}
+    table = battery_table(known, named, Warranty(0.9, 3.0, 1e6), new_at).set_index("vehicle_id")
+    assert table["warranty_until"][["v00", "v04"]].tolist() == ["2025-05", "2026-03"], "not 1095 days"
+    eight = battery_table(known, named, Warranty(0.7, 8.0, 1e6), new_at).set_index("vehicle_id")
+    assert eight["warranty_until"][["v00", "v04"]].tolist() == ["2030-05", "2031-03"]
+    assert table.loc["v02", "warranty_until"] == "2028-01"
     row, fade = table.loc["v02"], known["v02"]
     assert row["share"] == pytest.approx(row["usable_wh"] / new_wh)
     assert row["usable_wh"] == pytest.approx(fade.usual_wh * fade.capacity(fade.now)[0])

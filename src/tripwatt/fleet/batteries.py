@@ -129,7 +129,9 @@ def battery_table(
         days = np.array([first, new_at.get(vehicle, first)], "datetime64[D]")
         begins, start = ((days - fade.begins) / _YEAR).tolist()
         per_year = max(float(driven["km"][vehicle]), 1.0) / max(fade.now - begins, 1.0 / 12.0)
-        until = start + min(warranty.years, warranty.km / per_year)
+        month = days[1].astype("datetime64[M]")
+        oldest = month + round(12.0 * warranty.years) + (days[1] - month)
+        until = min(float((oldest - fade.begins) / _YEAR), start + warranty.km / per_year)
         new = _new_wh(fade.car_model) / fade.usual_wh
         level, level_sd = warranty.share * new, warranty.share * new * CAPACITY_SD
         table.append({
