@@ -1,6 +1,7 @@
 """The commands of a fleet, in this process: what they print, and what they leave."""
 
 import json
+import shutil
 
 import numpy as np
 import pandas as pd
@@ -64,6 +65,37 @@ def test_versions_are_promoted_forth_and_back(fleet, registry):
     shown = json.loads(run("versions", registry.folder, "--json"))
     assert (shown["versions"], shown["in_use"]) == (["0001", "0002"], "0001")
     assert "2 versions, 0001 in use" in run("versions", registry.folder)
+
+
+def test_the_documented_steps_erase_a_driver(fleet, tmp_path):
+    store, models = tmp_path / "store", tmp_path / "models"
+    shutil.copytree(fleet[1].place, store)
+    run("fit", store, models)
+    name = fleet[2].sums.groups[0][2]
+    told = CliRunner().invoke(app, ["store", "forget", f"{store}", "--driver", name]).stdout
+    assert all(place in told for place in ("REGISTRY/work", "fleet.work", "the version in use", "reports"))
+
+    def holds():
+        """Whether finished parts and versions have trips of the driver."""
+        target = Registry(models)
+        parts = (pq.read_table(file) for file in models.glob("work/*.parquet"))
+        drivers = [part["driver"].to_pylist() for part in parts if "driver" in part.column_names]
+        groups = (target.load(version).sums.groups for version in target.versions())
+        return any(name in of_part for of_part in drivers), any(
+            name in group for all_ in groups for group in all_
+        )
+
+    assert holds() == (True, True)
+    shutil.rmtree(models / "work")
+    run("fit", store, models)
+    run("promote", models, "0002")
+    shutil.rmtree(models / "versions" / "0001")
+    assert holds() == (False, False)
+    assert "1 versions, 0002 in use" in run("versions", models)
+    shutil.rmtree(models / "versions" / "0002")
+    assert "0 versions, none in use" in run("versions", models)
+    again = json.loads(run("fit", store, models, "--json"))
+    assert (again["version"], again["in_use"]) == ("0003", True)
 
 
 def test_a_vehicle_is_forecast(fleet, registry, tmp_path):

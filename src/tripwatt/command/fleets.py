@@ -15,7 +15,7 @@ from tripwatt.command.forecast import show_arrival
 from tripwatt.command.options import Answer, argument, assignments, flag, make_group, option, require_effect
 from tripwatt.command.printing import console, print_notes, print_table, progress, say
 from tripwatt.command.stores import Store
-from tripwatt.errors import percent, require_extras
+from tripwatt.errors import or_none, percent, require_extras
 from tripwatt.files import csv_text
 from tripwatt.fleet import Warranty
 
@@ -74,7 +74,7 @@ def _registry(folder: Path) -> Registry:
 
 
 def fit(fleet: Fleet) -> Answer:
-    """Fit a model on the trips of a store, and promote it if the registry has no version in use yet.
+    """Fit a model on the trips of a store, and promote it if the registry has no version in use.
 
     An interrupted fit goes on with its finished parts.
 
@@ -91,7 +91,7 @@ def fit(fleet: Fleet) -> Answer:
     with progress(console()) as advance, fleet.running() as workers:
         model = fit_fleet(source, fleet.place, workers, progress=advance)
     version = target.add(model, f"fit on {model.trips} trips")
-    first = not any(entry["action"] == "promote" for entry in target.history())
+    first = or_none(target.current) is None
     if first:
         target.promote(version)
     return Answer(
@@ -174,11 +174,11 @@ def versions(registry: RegistryFolder) -> Answer:
       tripwatt fleet versions models
     """
     target = _registry(registry)
-    history = target.history()
+    history, in_use = target.history(), or_none(target.current)
     rows = [(h["time"], h["action"], h["version"], h["note"]) for h in history]
-    title = f"{len(target.versions())} versions, {target.current()} in use"
+    title = f"{len(target.versions())} versions, {in_use or 'none'} in use"
     return Answer(
-        {"versions": list(target.versions()), "in_use": target.current(), "history": history},
+        {"versions": list(target.versions()), "in_use": in_use, "history": history},
         partial(print_table, title, ("time", "action", "version", "note"), rows, folding=("note",)),
     )
 

@@ -148,7 +148,7 @@ def forget(
     vehicle_id: Annotated[str | None, option("ID", "The vehicle to erase.")] = None,
     driver: Annotated[str | None, option("NAME", "The driver to erase, in place of a vehicle.")] = None,
 ) -> Answer:
-    """Erase a vehicle or a driver: all trips, their samples and the files that held them. Models that were fitted on them remain.
+    """Erase a vehicle or a driver: all trips, their samples and the files that held them. Finished parts, models and reports remain.
 
     For example:
 
@@ -158,7 +158,7 @@ def forget(
       tripwatt store forget fleet --driver "Ada L."
     """
     erased = store.opened().forget(vehicle_id, driver=driver)
-    remain = "models and reports that were fitted on them still contain what was learned from them"
+    remain = "still there: REGISTRY/work, fleet.work, the version in use and older ones, and reports; docs/howto/fleet.md erases them"
     about = {"vehicle_id": vehicle_id, "driver": driver, "erased": erased}
     return Answer(about, f"{store.store}: {erased} trips of {vehicle_id or driver} erased; {remain}")
 

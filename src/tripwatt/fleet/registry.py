@@ -159,6 +159,8 @@ class Registry:
     def add(self, model: FleetModel, note: str = "") -> str:
         """Write a model as a new version without moving the pointer. Several processes may add versions at once.
 
+        The number of a version that was deleted is not used again.
+
         Returns
         -------
         str
@@ -169,7 +171,8 @@ class Registry:
             versions.mkdir(parents=True, exist_ok=True)
         unnamed = versions / f".{uuid.uuid4().hex}"
         save_fleet(model, unnamed)
-        for number in itertools.count(int(max(self.versions(), default="0")) + 1):
+        named = *self.versions(), *(entry["version"] for entry in self.history())
+        for number in itertools.count(int(max(named, default="0")) + 1):
             name = f"{number:04d}"
             try:
                 unnamed.rename(versions / name)  # a folder that is not empty is never replaced
@@ -199,13 +202,14 @@ class Registry:
         Raises
         ------
         InvalidInput
-            If no version was promoted.
+            If no version was promoted, or the promoted one was deleted.
         """
-        try:
-            return (self.folder / "current").read_text("utf-8").strip()
-        except OSError as error:
-            where, fix = f"{self.folder}", "run `tripwatt fleet fit` and promote its version"
-            raise InvalidInput.of("no version in use", where, "", "a promoted version", fix) from error
+        with suppress(OSError):
+            version = (self.folder / "current").read_text("utf-8").strip()
+            if (self.folder / "versions" / version).is_dir():
+                return version
+        where, fix = f"{self.folder}", "run `tripwatt fleet fit` and promote its version"
+        raise InvalidInput.of("no version in use", where, "", "a promoted version", fix)
 
     def load(self, version: str | None = None) -> FleetModel:
         """Load the model of a version, by default of the version in use."""
