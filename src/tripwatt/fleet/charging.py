@@ -145,8 +145,8 @@ def schedule(needs: pd.DataFrame, depot: Depot, *, shared: bool = False) -> Sche
     """Schedule the charging of vehicles: first the least missing energy, then the least cost, then the lowest peak.
 
     Two linear programs, solved by HiGHS. A vehicle charges between its trips and never beyond a full battery, whose room grows with the
-    median energy of its trips. The missing energy is that of all departures added up, so that what a vehicle lacks at two departures
-    counts twice. The second program lowers the peak on the set of cheapest schedules, by complementary slackness.
+    median energy of its trips. The missing energy is that of all departures added up: what a vehicle lacks at two departures weighs twice in
+    the choice of the schedule, but is missing once. The second program lowers the peak on the set of cheapest schedules, by complementary slackness.
 
     Parameters
     ----------

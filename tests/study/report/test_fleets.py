@@ -200,6 +200,19 @@ def test_the_need_of_the_night_is_summed():
     assert "known for 0 of 1 departures" in unknown
 
 
+def test_what_is_charged_in_time_and_what_is_missing_add_up_to_what_is_to_be_charged():
+    """Two hours at 7.4 kW before the first departure, and a quarter of an hour before the second."""
+    two = pd.concat([needs_of(0.2).assign(charge_wh=wh) for wh in (30e3, 5e3)], ignore_index=True)
+    two["arrives_at"] = [LEAVES + dt.timedelta(hours=1), LEAVES + dt.timedelta(hours=3)]
+    two["departs_at"] = [LEAVES, LEAVES + dt.timedelta(hours=1.25)]
+    night = Night(two, Depot(LEAVES - dt.timedelta(hours=2), 7400.0, 50e3))
+    assert night.tables["needs"]["missing_wh"].tolist() == pytest.approx([16_680.0, 20_015.0])
+    said = report(night=night).sentences[-1]
+    assert "35 kWh are to be charged" in said
+    assert "peak of 7.4 kW; 15.0 kWh are charged in time, 20.0 kWh are missing." in said
+    assert "First V1 lacks 16.7 kWh at" in said
+
+
 def test_routes_name_the_cars_that_can_drive_them():
     routes = pd.DataFrame({"trip": ["a", "b", "c"], "small": [0.5, 1.2, 1.4], "large": [0.2, 0.6, 1.1]})
     assert routes_table(routes).rows == (

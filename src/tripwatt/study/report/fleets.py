@@ -302,8 +302,8 @@ _CHANCE: Final = "drivers or chance"
 
 
 def _in_kilo(values: Any) -> dict[str, Any]:
-    """Energies in kWh and distances in km; other values stay as they are."""
-    return {n: values[n] * 1e-3 if f"{n}".endswith(("_wh", "_m")) else values[n] for n in values}
+    """Energies in kWh, powers in kW and distances in km; other values stay as they are."""
+    return {n: values[n] * 1e-3 if f"{n}".endswith(("_wh", "_w", "_m")) else values[n] for n in values}
 
 
 def _describe_totals(vehicles: pd.DataFrame, months: pd.DataFrame | None) -> str:
@@ -355,16 +355,17 @@ def _describe_tonight(night: Night | None, probability: float) -> str:
     if night is None:
         return str(_SAID["nothing_planned"])
     needs, sums = night.needs, night.summary
-    kwh = {name: f"{sums[name] / 1e3:,.0f}" for name in ("energy_wh", "energy_quantile_wh")}
-    kwh["charge_wh"] = f"{needs['charge_wh'].sum() / 1e3:,.0f}"
-    kwh |= {"level": percent(probability, 0), "chance": percent(sums["p_enough"], 1)}
-    parts = [_SAID["tonight"].format(vehicles=needs["vehicle_id"].nunique(), **kwh)]
+    said = {**sums, "vehicles": needs["vehicle_id"].nunique(), "charge_wh": needs["charge_wh"].sum()}
+    said |= {"level": percent(probability, 0), "chance": percent(sums["p_enough"], 1)}
+    parts = [_SAID["tonight"].format(**_in_kilo(said))]
     if "peak_w" in sums:
-        cost = f" and costs {sums['cost']:.2f} €" if "cost" in sums else ""
-        missing = f"{night.tables['needs']['missing_wh'].sum() / 1e3:.1f}"
-        parts.append(_SAID["schedule"].format(peak=f"{sums['peak_w'] / 1e3:.1f}", cost=cost, missing=missing))
+        said["cost"] = f" and costs {sums['cost']:.2f} €" if "cost" in sums else ""
+        # a departure lacks what one before lacked, too
+        said["missing_wh"] = night.tables["needs"].groupby("vehicle_id")["missing_wh"].max().sum()
+        said["in_time_wh"] = said["charge_wh"] - said["missing_wh"]
+        parts.append(_SAID["schedule"].format(**_in_kilo(said)))
     if sums.get("fails_first"):
-        parts.append(_SAID["fails_first"].format(**sums["fails_first"]))
+        parts.append(_SAID["fails_first"].format(**_in_kilo(sums["fails_first"])))
     return " ".join(parts)
 
 
