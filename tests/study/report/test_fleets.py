@@ -195,6 +195,12 @@ def test_the_need_of_the_night_is_summed():
     assert "6 kWh are to be charged" in page
     assert "Planned trips: 2. The charge now is known for 1 of 1 departures." in page
     assert "does not suffice: 0." in page
+    sure, unsure = (
+        report(night=night_of(needs_of(0.2).assign(spare=spare, own_wh2=1e6, soc_per_wh=1e-4))).sentences[-1]
+        for spare in (0.3, -0.2)
+    )
+    assert sure.endswith("the chance that all have enough then is 100.0\u00a0%."), "it cannot be higher"
+    assert unsure.endswith("\u00a0%, more with a higher --probability.")
     unknown = report(night=night_of(needs_of(None).assign(soc_needed=1.2))).page()
     assert "does not suffice: 1." in unknown
     assert "known for 0 of 1 departures" in unknown

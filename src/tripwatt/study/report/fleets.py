@@ -326,8 +326,7 @@ def _describe_gains(vehicles: pd.DataFrame) -> str:
     rows = ({**row, _CHANCE: 0.0} for row in first[:5].to_dict("records"))
     why = ((row, max((*PARTS, _CHANCE), key=row.__getitem__).replace("_", " ")) for row in rows)
     named = listed([f"{row['vehicle_id']} ({row['gain']:,.0f} €, {part})" for row, part in why])
-    sum_of = f"{first['gain'].sum():,.0f}"
-    return str(_SAID["gains"].format(vehicles=len(first), gain=sum_of, named=named, sure=sure))
+    return str(_SAID["gains"].format(vehicles=len(first), gain=first["gain"].sum(), named=named, sure=sure))
 
 
 def _describe_changes(changed: pd.DataFrame, what: str) -> str:
@@ -357,6 +356,7 @@ def _describe_tonight(night: Night | None, probability: float) -> str:
     needs, sums = night.needs, night.summary
     said = {**sums, "vehicles": needs["vehicle_id"].nunique(), "charge_wh": needs["charge_wh"].sum()}
     said |= {"level": percent(probability, 0), "chance": percent(sums["p_enough"], 1)}
+    said["more"] = "" if said["chance"] == percent(1.0, 1) else _SAID["more"]
     parts = [_SAID["tonight"].format(**_in_kilo(said))]
     if "peak_w" in sums:
         said["cost"] = f" and costs {sums['cost']:.2f} €" if "cost" in sums else ""
