@@ -334,3 +334,20 @@ def test_a_trip_that_cannot_be_forecast_leaves_the_others(fleet, planned, needs,
     nothing = needs_by_hour(fleet[2], nobody, refused=refused)
     assert (len(nothing), list(nothing), len(refused)) == (0, list(needs), 2)
     assert Night(nothing, Depot(EVENING, 7400.0)).document["evcc"] == []
+
+
+def test_a_trip_before_its_vehicle_is_back_is_left_out(fleet, planned, tmp_path):
+    """40 km from 07:00 on: 07:10 is too early, also for a repeated trip; a refused trip keeps no later one from driving."""
+    file, header = tmp_path / "night.csv", NIGHT.splitlines()[0]
+    rows = [("b", "07:10", 90), ("a", "07:00", 40), ("c", "08:15", 20), ("d", "08:15", 20)]
+    lines = [f"V00000,{trip},2026-01-12T{at}+01:00,{km},country,-5,0.5" for trip, at, km in rows]
+    file.write_text("\n".join([header, *lines, ""]))
+    refused = []
+    left = needs_by_hour(fleet[2], read_planned(file), refused=refused)
+    late = [(fault.what, fault.where) for fault in refused]
+    assert late == [("the vehicle is not back", f"trip {trip} of V00000: departs_at") for trip in "bd"]
+    assert left["trips"].tolist() == [1, 1]
+    assert left["distance_m"].tolist() == pytest.approx([40e3, 20e3], rel=1e-4)
+    none = []
+    needs_by_hour(fleet[2], planned, refused=none)
+    assert none == []

@@ -203,7 +203,8 @@ def needs_by_hour(
     reserve : float
         Displayed charge to come back with.
     refused : list of Fault, optional
-        List to which the faults of trips that cannot be forecast are added. Such trips are then left out.
+        List to which the faults of trips are added that cannot be forecast, or that depart before the vehicle is back from an earlier one
+        by its median time. Such trips are then left out; without the list, a vehicle may have trips at the same time.
 
     Returns
     -------
@@ -232,10 +233,18 @@ def needs_by_hour(
     """
     require_fraction("probability", probability, 0.5, 0.999)
     require_fraction("reserve", reserve)
-    check = Check()
-    forecasts = [(trip, check(trip.forecast_by, model)) for trip in trips]
+    check, rows = Check(), []
+    back: dict[str, dt.datetime] = {}
+    for trip in sorted(trips, key=lambda trip: trip.departs_at):
+        pair, since = check(trip.forecast_by, model), back.get(trip.vehicle_id, trip.departs_at)
+        if refused is not None and trip.departs_at < since:
+            got, allowed = (f"{time:%Y-%m-%d %H:%M %z}" for time in (trip.departs_at, since))
+            fault = Fault("the vehicle is not back", f"{trip.where}departs_at", got, f"{allowed} or later")
+            check(raise_faults, [fault])
+        elif pair is not None:
+            rows.append(_trip_need(model, trip, *pair, probability))
+            back[trip.vehicle_id] = rows[-1][TRIP_COLUMNS.index("arrives_at")]
     (raise_faults if refused is None else refused.extend)(check.faults)
-    rows = [_trip_need(model, trip, *pair, probability) for trip, pair in forecasts if pair is not None]
     return add_up_needs(pd.DataFrame(rows, columns=TRIP_COLUMNS), probability, reserve)
 
 
@@ -410,9 +419,8 @@ def coldest_week(rows: TripRows) -> Cold | None:
     Only weeks with at least `_MIN_TRIPS` trips count. If there is no such week, only those with the largest number of trips count.
     Returns None if no trip has a time and a temperature.
     """
-    order, day = rows.chronological
-    degc = rows.numbers("ambient_temperature_degc")[order]
-    ambient = pd.Series(degc, pd.DatetimeIndex(day[order])).dropna()
+    degc, day = rows.numbers("ambient_temperature_degc"), pd.DatetimeIndex(rows.chronological[1])
+    ambient = pd.Series(degc, day)[day.notna()].dropna()
     weeks = ambient.groupby(pd.Grouper(freq="W-MON", label="left", closed="left")).agg(["mean", "size"])
     if weeks.empty:
         return None

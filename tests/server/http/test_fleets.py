@@ -169,6 +169,8 @@ def test_a_trip_with_a_fault_is_left_out_with_its_place(registry: Registry) -> N
     assert refused({"distance_km": 3.0}) == ("one of them is needed", "trips[1].distance_km, links")
     assert refused({"links": [{"length_m": -1.0, "speed_m_s": 9.0}]})[1].startswith("trips[1].link 1")
     assert refused({"departs_at": "tomorrow"})[1] == "trips[1].departs_at"
+    repeated = {"car": "V00000", "departs_at": night()["trips"][0]["departs_at"]}
+    assert refused(repeated) == ("the vehicle is not back", "trips[1].departs_at")
 
 
 def test_a_night_that_cannot_be_planned_is_refused(registry: Registry) -> None:
