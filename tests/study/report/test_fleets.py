@@ -219,6 +219,12 @@ def test_what_is_charged_in_time_and_what_is_missing_add_up_to_what_is_to_be_cha
     assert "First V1 lacks 16.7 kWh at" in said
 
 
+def test_a_departure_of_several_trips_counts_once_in_a_note():
+    two = needs_of(0.2).assign(reasons="45 min is longer than 40 min; 50 min is longer than 40 min")
+    (note,) = report(night=night_of(two)).notes
+    assert note == "V1: 45 min is longer than 40 min (departures: 1 of 1)"
+
+
 def test_routes_name_the_cars_that_can_drive_them():
     routes = pd.DataFrame({"trip": ["a", "b", "c"], "small": [0.5, 1.2, 1.4], "large": [0.2, 0.6, 1.1]})
     assert routes_table(routes).rows == (

@@ -207,17 +207,18 @@ class ManagerReport:
     @property
     def notes(self) -> list[str]:
         """Notes on assumptions and limits of the needs, and on planned trips that are left out; a vehicle is named where it is the only one."""
-        left_out = [f"left out: {fault}" for fault in self.refused]
-        if self.night is None:
-            return left_out
-        needs = self.night.needs
-        rows = needs[["vehicle_id", "reasons"]].itertuples(index=False)
-        reasons = ((car, reason) for car, listed in rows for reason in listed.split("; ") if reason)
-        kinds = group_by_kind((reason, car, 1, f"{car}: {reason}") for car, reason in reasons)
+        rows = [] if self.night is None else self.night.needs[["vehicle_id", "reasons"]].to_numpy().tolist()
+        reasons = (((r, car, 1, f"{car}: {r}") for r in listed.split("; ") if r) for car, listed in rows)
+        # a departure may have several trips
+        of_rows = zip(rows, map(group_by_kind, reasons), strict=True)
+        kinds = group_by_kind(
+            (kind.what, row[0], 1, kind.example) for row, found in of_rows for kind in found
+        )
         notes = (
-            f"{kind.example if kind.places == 1 else kind.what} (departures: {kind.count} of {len(needs)})"
+            f"{kind.example if kind.places == 1 else kind.what} (departures: {kind.count} of {len(rows)})"
             for kind in kinds
         )
+        left_out = (f"left out: {fault}" for fault in self.refused)
         return [*left_out, *(re.sub(r"(?<!\S)-(?=\d)", "−", note) for note in notes)]
 
     def page(self) -> str:
