@@ -11,7 +11,7 @@ import pytest
 from typer.testing import CliRunner
 
 import tripwatt as tw
-from tripwatt.command import app
+from tripwatt.command import app, fleets
 from tripwatt.fleet.executors import executor_for
 from tripwatt.fleet.model import fit_fleet
 from tripwatt.fleet.registry import Registry
@@ -55,6 +55,11 @@ def test_an_update_takes_in_new_trips(fleet, tmp_path):
     assert updated["version"] == target.current() == "0002"
     assert updated["trips"] == len(store.trips(since="2023-01-10").query("drives > 0"))
     assert 0.0 <= updated["coverage"] <= 1.0
+
+
+def test_an_update_calls_the_signed_error_a_bias(capsys):
+    fleets._show_update("version 0002", {"trips": 12, "bias": -0.009, "coverage": 0.92, "vehicles": {}})
+    assert capsys.readouterr().out == "version 0002; 12 new trips, bias -0.9%, 92% inside the 90 % interval\n"
 
 
 def test_versions_are_promoted_forth_and_back(fleet, registry):
@@ -251,8 +256,6 @@ def test_the_report_names_what_it_leaves_out_and_assumes(fleet, registry, tmp_pa
 
 
 def test_drivers_that_nobody_named_are_a_note(fleet, registry, monkeypatch):
-    from tripwatt.command import fleets
-
     _, store, _, folder = fleet
     read = fleets._rows
 

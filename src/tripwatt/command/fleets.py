@@ -129,7 +129,7 @@ def update(fleet: Fleet) -> Answer:
 
 
 def _show_update(updated: str, change: Mapping[str, Any]) -> None:
-    new = f"{change['trips']} new trips, mean error {percent(change['bias'], 1, '+')}"
+    new = f"{change['trips']} new trips, bias {percent(change['bias'], 1, '+')}"
     say(f"{updated}; {new}, {percent(change['coverage'])} inside the 90 % interval")
     drifting = [
         (name, f"{v['trips']}", f"{100.0 * v['bias']:+.1f}", f"{v['z']:+.1f}")
