@@ -301,9 +301,10 @@ def test_months_are_of_a_table_or_of_the_trips_of_a_store(fleet, tmp_path):
     read = Climate.read(file)
     assert read.mean_degc.tolist() == list(np.arange(11.0, -1.0, -1.0))
     assert read.air_degc.std(axis=1) == pytest.approx(2.0, rel=0.1)
-    months.iloc[:11].to_csv(file, index=False)
-    with pytest.raises(InvalidInput, match="months are missing"):
-        Climate.read(file)
+    for rows, got in ((slice(0, 10), "no month 1, 2"), ([*range(12), 0], "no month is missing")):
+        months.iloc[rows].to_csv(file, index=False)
+        with pytest.raises(InvalidInput, match=f"not the months of a year: .*: got {got};"):
+            Climate.read(file)
     of_trips, trips = Climate.read(fleet[1].place), fleet[1].trips(columns=["started_at"])
     driven = pd.to_datetime(trips["started_at"]).dt.month.unique() - 1
     others = np.setdiff1d(np.arange(12), driven)

@@ -95,10 +95,10 @@ class Climate(NamedTuple):
             raise_faults(table.faults)
             month, mean, sd = numbers[:, np.argsort(numbers[0])]
             if month.tolist() != list(range(1, 13)) or not (sd >= 0.0).all():
-                got = ", ".join(table.names)[:80]
+                got = f"no month {', '.join(str(k) for k in range(1, 13) if k not in month) or 'is missing'}"
                 allowed = "month, each of 1 to 12 once, mean_degc, sd_k (>= 0)"
                 fix = "give --climate: such a CSV, or a store whose trips have temperatures"
-                raise InvalidInput.of("months are missing", f"{place}", got, allowed, fix)
+                raise InvalidInput.of("not the months of a year", f"{place}", got, allowed, fix)
             return cls(mean, sd)
         trips = open_store(place).trips(columns=["started_at", "ambient_temperature_degc"]).dropna()
         if trips.empty:
