@@ -21,7 +21,7 @@ def test_words_list_the_cars_that_they_find(run: Callable[..., Answer]) -> None:
 
 
 def test_a_new_car_is_written_and_loads(run: Callable[..., Answer], tmp_path: Path) -> None:
-    out = tmp_path / "my_car.toml"
+    out = tmp_path / "no folder yet" / "vans" / "my_car.toml"
     answer = run(*NEW, "--consumption", "15.5", "--heat-pump", "--out", out)
     assert answer.code == 0
     assert "15.5 kWh/100 km" in answer.err + answer.out

@@ -154,8 +154,7 @@ def simulate(logs: shared.LogsOfCar, trip: shared.TripId = None) -> Answer:
     log = shared.one_trip(fleet.trips[:1] if trip is None and logs.data is None else fleet.trips, trip)
     # a log is simulated unaudited: only its times have to be sound
     fix = "list the findings with `tripwatt audit`; write one sound trip with `tripwatt mapping apply`"
-    faults = trips.value_faults(log.samples[["time_s"]], log.trip_id)
-    raise_faults(replace(fault, fix=fix) for fault in faults)
+    raise_faults(replace(f, fix=fix) for f in trips.value_faults(log.samples[["time_s"]], log.trip_id))
     run = simulate_trip(car, trips.resample(log))
     answer = {
         "trip": log.trip_id,

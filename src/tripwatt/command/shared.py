@@ -189,7 +189,7 @@ def read_plan(trip: Path, speed_m_s: float | None = None) -> tw.Plan:
 
 
 def write_text(text: str, path: Path) -> None:
-    """Write the file of the option --out, completely or not at all.
+    """Write the file of the option --out, completely or not at all; its folder is made if there is none.
 
     Raises
     ------
@@ -199,6 +199,7 @@ def write_text(text: str, path: Path) -> None:
     with system_errors("cannot write the file", "--out", "", path):
         if path.exists() and not path.is_file():
             raise OSError(f"{'a folder' if path.is_dir() else 'no regular file'}")
+        path.parent.mkdir(parents=True, exist_ok=True)
         files.write_text(path, text)
 
 
