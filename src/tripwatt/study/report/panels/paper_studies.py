@@ -63,7 +63,7 @@ def improved_table(view: View) -> Table:
         "Correctors, and the share of trips that they improve over their simulation",
         [scores[name] for name in names if name in scores],
         Column("Corrector", "title"),
-        in_words("Simulation", lambda row: scores[row["simulation"]]["title"]),
+        in_words("Simulation", lambda row: scores.get(row["simulation"], {"title": DASH})["title"]),
         in_percent("Mean error [%]", "mape"),
         in_percent("95 % interval", "mape_ci95"),
         in_percent(
