@@ -23,12 +23,12 @@ from tools.command import run
 PARTS: Final = ("roads", "server", "fleet", "study", "gamm")
 """Rooms that are a part; all others together are the core. `gamm` is a distribution of its own."""
 BUDGETS: Final[Mapping[str, int]] = {
-    "core": 20_436,
-    "roads": 4_446,
+    "core": 20_424,
+    "roads": 4_443,
     "server": 5_984,
     "fleet": 2_899,
     "study": 4_648,
-    "gamm": 3_854,
+    "gamm": 3_853,
 }
 """Most code lines of each part. They only fall: whoever needs lines finds them first. The fleet may have up to 3,400, for what a manager
 asks, where the others fall by as much. That of the roads is below the 4,800 of the house plan."""
