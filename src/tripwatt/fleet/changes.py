@@ -461,6 +461,6 @@ def _huber(
         inverse = np.linalg.inv((X.T * w) @ X + np.diag(1.0 / prior))
         # 1e-3: the only trip of a car model has no error, since it is the usual one; its weight must not outgrow the precision
         z = np.maximum(np.abs(y - X @ (inverse @ (X.T @ (w * y)))) / np.sqrt(variance), 1e-3)
-        level = 1.4826 * float(np.median(z)) * np.sqrt(len(z) / max(len(z) - len(prior) / 2.0, 1.0))
+        level = 1.4826 * float(np.median(z)) * np.sqrt(len(z) / max(len(z) - len(prior) / 2.0, 1.0)) + 1e-9
         factor = np.minimum(1.0, bound * level / z)
     return factor, level
