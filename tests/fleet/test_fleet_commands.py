@@ -59,7 +59,9 @@ def test_an_update_takes_in_new_trips(fleet, tmp_path):
 
 def test_an_update_calls_the_signed_error_a_bias(capsys):
     fleets._show_update("version 0002", {"trips": 12, "bias": -0.009, "coverage": 0.92, "vehicles": {}})
-    assert capsys.readouterr().out == "version 0002; 12 new trips, bias -0.9 %, 92 % inside the 90 % interval\n"
+    assert (
+        capsys.readouterr().out == "version 0002; 12 new trips, bias -0.9 %, 92 % inside the 90 % interval\n"
+    )
 
 
 def test_versions_are_promoted_forth_and_back(fleet, registry):
