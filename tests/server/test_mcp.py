@@ -164,8 +164,8 @@ ARGUMENTS: dict[str, dict[str, Any]] = {
     "reach": {"start": "47.0, 9.0", "soc": 0.3, "ambient_temperature_degc": 10.0},
     "fleet": {
         "trips": [
-            {"car": "V00000", "departs_at": f"2030-01-12T0{k}:30:00+01:00", "distance_km": 20.0 * k}
-            for k in (7, 8)
+            {"car": "V00000", "departs_at": f"2030-01-12T{k + 2}:30:00+01:00", "distance_km": 10.0 * k}
+            for k in (8, 16)
         ]
     },
 }

@@ -203,8 +203,8 @@ def needs_by_hour(
     reserve : float
         Displayed charge to come back with.
     refused : list of Fault, optional
-        List to which the faults of trips are added that cannot be forecast, or that depart before the vehicle is back from an earlier one
-        by its median time. Such trips are then left out; without the list, a vehicle may have trips at the same time.
+        List to which the faults of trips are added that cannot be forecast, or that depart in the first half of the median time of an
+        earlier one of their vehicle. Such trips are then left out; without the list, a vehicle may have trips at the same time.
 
     Returns
     -------
@@ -243,7 +243,8 @@ def needs_by_hour(
             check(raise_faults, [fault])
         elif pair is not None:
             rows.append(_trip_need(model, trip, *pair, probability))
-            back[trip.vehicle_id] = rows[-1][TRIP_COLUMNS.index("arrives_at")]
+            # a drive of half the median time is possible; a choice
+            back[trip.vehicle_id] = trip.departs_at + dt.timedelta(seconds=0.5 * pair[1].plan.duration_s)
     (raise_faults if refused is None else refused.extend)(check.faults)
     return add_up_needs(pd.DataFrame(rows, columns=TRIP_COLUMNS), probability, reserve)
 

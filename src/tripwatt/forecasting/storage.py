@@ -184,8 +184,8 @@ def save_model(
         "given": GIVEN,
         "model": {**about, "vehicle_preset": model.vehicle.preset},
         "contract": contract(model),
-        "provenance": dict(require_type("provenance", provenance or {}, Mapping, "a mapping")),
-        "evaluation": dict(require_type("evaluation", evaluation or {}, Mapping, "a mapping")),
+        "provenance": dict(require_type("provenance", provenance or {}, Mapping, "a Mapping")),
+        "evaluation": dict(require_type("evaluation", evaluation or {}, Mapping, "a Mapping")),
     }
     write_model(folder, metadata, tree_parts(tree))
 

@@ -74,7 +74,7 @@ def load_vehicle(
     allowed = "a Vehicle, the name of one, or a TOML file"
     path = Path(require_type("car", name_or_path, str | Path, allowed))
     if path.suffix != ".toml":
-        if overrides := require_type("overrides", overrides or {}, Mapping, "a mapping"):
+        if overrides := require_type("overrides", overrides or {}, Mapping, "a Mapping"):
             return _from_library(str(name_or_path), preset, overrides)
         vehicle = _unchanged(str(name_or_path), f"{preset}")
         return dataclasses.replace(vehicle, entries=dict(vehicle.entries))

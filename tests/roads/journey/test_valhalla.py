@@ -280,4 +280,4 @@ def test_a_road_of_unknown_heights_into_the_mountains_is_not_promised(atlas: Atl
     assert climb is not None
     assert plain.forecast.plan.climb.climb_m == pytest.approx(climb.climb_m)
     assert abs(climb.climb_m[-1] - 1150.0) < 2.0 * climb.sd_m[-1] < 200.0
-    assert f"{round(climb.climb_m[-1]):,} m above the start" in journey_in_words(zoe)[0]
+    assert f"ends at {round(climb.climb_m[-1]):+,} m, seen from the start" in journey_in_words(zoe)[0]

@@ -19,7 +19,8 @@ NAMES = re.compile(r"\{[^}]*\}|'[^']*'|\w*_\w*|\w+\.\w+|\[\w+[^\]]*\]")
 """What stands for a value, and names of fields and keys: the same in every language."""
 
 KEYS = {"unit", "ele", "lat", "lon", "licence", "licences", "heater", "anchor", "extends", "scaled", "units", "metadata", "query",
-        "tlm", "utc", "pyvalhalla", "toml", "json", "model", "fitted", "preset"}  # fmt: skip
+        "tlm", "utc", "pyvalhalla", "toml", "json", "model", "fitted", "preset", "base", "buckets", "evaluation", "label", "models", "options", "others",
+        "overrides", "provenance", "seed", "stops"}  # fmt: skip
 
 
 def table(name: str) -> dict[str, str]:

@@ -580,7 +580,7 @@ def open_store(place: Path | str, *, options: Mapping[str, str] | None = None) -
     >>> tw.open_store("trips").about()["trips"]  # doctest: +SKIP
     1280
     """
-    store = TripStore(f"{place}", dict(require_type("options", options or {}, Mapping, "a mapping")))
+    store = TripStore(f"{place}", dict(require_type("options", options or {}, Mapping, "a Mapping")))
     about = store.rows.about()
     if about["tripwatt_store"] > FORMAT:
         got, fix = f"format {about['tripwatt_store']}", "install a newer tripwatt"

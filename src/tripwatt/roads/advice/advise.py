@@ -314,7 +314,7 @@ def advise(
         (Action("other_road", "road", "none", {}, float(k)), road.forecast)
         for k, (road, plan) in enumerate(zip(roads, wholes, strict=True))
         if k and round(plan.p_reserve, 2) >= round(wholes[0].p_reserve, 2)
-    ] + [*require_type("others", others, Sequence, "a list of actions with forecasts")]
+    ] + [*require_type("others", others, Sequence, "a list")]
     forecast_again = forecasts_like(forecast)
 
     def with_actions(*chosen: Action) -> Advised:

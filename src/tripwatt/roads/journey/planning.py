@@ -453,7 +453,7 @@ def find_stops(stops: Sequence[Place | str], atlas: Atlas, *, round_trip: bool =
     >>> len(find_stops(["47.14, 9.52", "47.16, 9.50"], atlas, round_trip=True))
     3
     """
-    if not 2 <= len(require_type("stops", stops, Sequence, "a list of places")) <= _MAX_STOPS:
+    if not 2 <= len(require_type("stops", stops, Sequence, "a list")) <= _MAX_STOPS:
         raise InvalidInput.of("number of places out of range", "stops", f"{len(stops)}", f"2 to {_MAX_STOPS}")
     with Check() as check:
         places = [check(atlas.find, stop, f"stops[{k}]") for k, stop in enumerate(stops)]
