@@ -128,9 +128,7 @@ def find_place(text: str, search: PlaceSearch | None, where: str, covers: str = 
         If the text is not the name of exactly one place. The message names the places that may be meant.
     """
     with places_named(dict.fromkeys(("latitude", "longitude"), where)):
-        if (
-            place := read_coordinates(require_type(where, text, str, "a name, or latitude and longitude"))
-        ) is not None:
+        if (place := read_coordinates(require_type(where, text, str, "a text"))) is not None:
             return place
     if not text.strip():
         raise InvalidInput.of("no place", where, "an empty text", "a name, or latitude and longitude")
